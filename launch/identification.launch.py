@@ -36,8 +36,8 @@ def generate_launch_description():
         ('parameters', [configuration, '/parameters.yaml'],
          'parameter file; the arguments below override it'),
         ('joints', None, "names of the joints as a YAML list, such as ['elbow']"),
-        ('model_files', None, 'one model file per joint, as a YAML list: their drives, and what carries '
-         'the joints'),
+        ('model_files', None, 'one model file per joint, as a YAML list: their drives, and what '
+         'carries the joints'),
         ('output_folder', '.', 'folder for the model files'),
         ('use_sim_time', 'false', 'time from /clock', switch),
         ('log_level', 'info', 'what is logged', levels),
