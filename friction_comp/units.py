@@ -146,7 +146,8 @@ def in_own_units(content: T, linear: bool) -> T:
         # Waves over a length are per metre, not per turn of 2π.
         text = re.sub(r'([\d.]+) times a turn', lambda match: (
             f'{float(match[1]) / (_TURN):.4g} times a metre'), content)
-        return re.sub(r'\brad\b', 'm', text.replace('N·m', 'N'))  # type: ignore[return-value]
+        text = text.replace('kg·m²', 'kg').replace('N·m', 'N')
+        return re.sub(r'\brad\b', 'm', text)  # type: ignore[return-value]
     if isinstance(content, dict):
         return {key: in_own_units(value, True)      # type: ignore[return-value]
                 for key, value in content.items()}

@@ -91,7 +91,9 @@ def test_a_weight_that_other_joints_may_be_holds_its_value_beyond_the_recorded_p
     weight = next(effect for effect in refine([recorded]).model.effects
                   if effect.name == 'gravity')
     last = float(recorded.position.max())
-    beyond, at_the_end = weight.of_states(np.array([last + 1.0, last]), np.ones(2), np.zeros(2))
+    beyond, at_the_end = weight.current(Samples(
+        time=np.zeros(2), position=np.array([last + 1.0, last]), velocity=np.ones(2),
+        current=np.zeros(2)))
     expected = 2.0 * np.cos(last + 1.0) if told else at_the_end
     assert beyond == pytest.approx(expected, abs=0.1)
 

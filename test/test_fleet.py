@@ -105,7 +105,7 @@ def test_the_exported_ranges_are_those_of_further_units(population, tmp_path):
     model = population.model
     model.save(tmp_path / 'population.yaml')
     joint = simulator_joint(replace(FrictionModel.load(tmp_path / 'population.yaml'), notes={
-        **model.notes, 'unit': 'N·m'}))
+        **model.notes, 'unit': 'N·m'}), 'json')
     for parameter in population.parameters[:4]:
         low, high = joint.ranges[parameter.name]
         assert [low, high] == pytest.approx(parameter.range, rel=1e-6, abs=1e-6)

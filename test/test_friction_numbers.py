@@ -3,6 +3,7 @@
 """Coulomb and viscous friction, offset and inertia are those of the drive, as their intervals."""
 
 from dataclasses import replace
+import re
 
 from helpers import sines
 import numpy as np
@@ -11,13 +12,14 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Recorded
+from friction_comp.model.friction_numbers import friction_of, line_of
+from friction_comp.model.measured import Breakaway, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import simulator_joint
-from friction_comp.model.sliding_friction import line_of
 from friction_comp.refinement import refine
 from friction_comp.reports.friction_words import number_lines, number_rows
 from friction_comp.samples import Samples
+from friction_comp.units import in_own_units
 
 TRUTH = {'coulomb': 0.5, 'viscous': 0.15, 'offset': 0.04, 'inertia': 0.023}
 PLAIN = FrictionModel(Drive(1.0, 1.0), Sigmoid(0.54, -0.46, 40.0, viscous=0.15))
@@ -47,11 +49,143 @@ def test_the_numbers_are_those_of_the_drive_and_their_intervals_hold_them(refine
         assert getattr(friction, name) == pytest.approx(value, rel=0.03, abs=0.01)
     assert friction.torque_per_current == 1.0
     assert friction.breakaway is None
+    assert friction.coulomb_with_load is None
     # A torque from another unit stands beside it, but a force in N is none.
     for unit, stands in (('A', True), ('N·m', False), ('N', False)):
         assert any(row.torque for row in number_rows(replace(friction, unit=unit))) == stands
     # Without an effect and without a model given, there are intervals as well.
     assert refined.model.recorded.speeds[-1] == pytest.approx(4.0, rel=0.1)
+
+
+def every_effect():
+    """Give a model with each effect of the package, of which some hold in this recording alone."""
+    values = {
+        'stribeck': {'velocity': 0.1, 'exponent': 1.5, 'coefficients': [0.2]},
+        'viscous_shape': {'exponent': 0.5, 'reference': 2.0, 'coefficients': [0.3]},
+        'direction_asymmetry': {'offset': 0.0, 'coefficients': [0.05, -0.03]},
+        'gravity': {'coefficients': [0.7, -0.2]},
+        'spring': {'position': 0.3, 'coefficients': [0.4]},
+        'cogging': {'frequency': 12.0, 'growth': 1.0, 'speed': 1.5,
+                    'coefficients': [0.06, 0.04]},
+        'friction_ripple': {'frequency': 24.3, 'growth': 0.0, 'speed': 1.0,
+                            'coefficients': [-0.06, 0.04]},
+        'bump': {'position': -0.2, 'width': 0.1, 'exponent': 3.0, 'directional': 1.0,
+                 'coefficients': [0.2]},
+        'inertia': {'coefficients': [0.02]}, 'rigid_body': {'coefficients': [0.9]},
+        'other_joints': {'coefficients': [1.0]}, 'load_torque': {'coefficients': [-0.3]},
+        'load_friction': {'exponent': 1.2, 'coefficients': [0.04]},
+        'carried_load_friction': {'exponent': 0.8, 'coefficients': [0.05]},
+        'inner_load_friction': {
+            'cosine': 0.7, 'sine': -0.2, 'slope': 0.4, 'offset': -0.1, 'inertia': 0.02,
+            'with_inertia': 1.0, 'exponent': 1.0, 'fading': 1.0, 'velocity': 1.0,
+            'coefficients': [0.1]},
+        'temperature': {'reference_temperature': 30.0, 'coefficients': [-0.01, 0.02, 0.001]},
+        'warm_up': {'time_constant': 10.0, 'coefficients': [0.2, 0.1, 0.0]},
+        'offset_drift': {'time_constant': 10.0, 'coefficients': [0.1]},
+        'hysteresis': {'distance': 0.02, 'exponent': 1.0, 'coefficients': [0.4, 0.01]},
+        'backlash': {'gap': 0.01, 'distance': 0.02, 'coefficients': [0.1]},
+        'rest_time': {'time_constant': 2.0, 'distance': 0.1, 'velocity': 0.2,
+                      'coefficients': [0.15]}}
+    assert set(values) == set(EFFECTS)
+    return [EFFECTS[name]({**({'transition': 0.05} if 'transition' in EFFECTS[name].constants
+                              else {}), **constants}) for name, constants in values.items()]
+
+
+def evaluated(formula, samples, model):
+    """Evaluate a printed formula at the rows of samples, shape (N,)."""
+    text = formula.partition(' = ')[2].partition('   [')[0]
+    states = {name: next(one for one in model.effects if one.name == name)
+              for name in ('hysteresis', 'backlash', 'rest_time')}
+    velocity = samples.velocity
+    sign = np.tanh(velocity / 0.05)
+    memory = {name: kind.memory(samples, sign, kind.Constants(**kind.values))
+              for name, kind in states.items()}
+    rate = velocity * np.maximum(1.0 - memory['hysteresis'] * np.sign(velocity), 0.0) / 0.02
+    gap = np.abs(memory['backlash']) - 0.005
+    names = {'dv_dt': samples.acceleration, 'dz_dt': rate, 'z': memory['hysteresis'],
+             'b': np.sign(memory['backlash']) * np.maximum(gap, 0.0) / 0.02,
+             'r': memory['rest_time'], 'v': velocity, 'q': samples.position, 'T':
+             samples.temperature, 'tau_b': samples.load, 'tau_links': samples.rigid_body,
+             'i_other_joints': samples.coupling}
+    for written, read in (('dv/dt', 'dv_dt'), ('dz/dt', 'dz_dt'), ('·', '*'), ('^', '**'),
+                          ('τ', 'tau')):
+        text = text.replace(written, read)
+    text = re.sub(r'\|([^|]*)\|', r'abs(\1)', text)
+    return eval(text, {'tanh': np.tanh, 'exp': np.exp, 'cos': np.cos, 'sin': np.sin}, names)
+
+
+def motion_with_all_signals():
+    time = np.arange(0.0, 20.0, 0.01)
+    q, v, a = sines(time, ((0.9, 2 * np.pi * 0.31, 0.0), (0.5, 2 * np.pi * 0.83, 0.0)))
+    return Samples(time=time, position=q, velocity=v, acceleration=a, current=0.0 * time,
+                   load=3.0 * np.sin(0.7 * time), temperature=25.0 + time, coupling=np.cos(time),
+                   rigid_body=2.0 * np.cos(q))
+
+
+def test_the_printed_formula_at_the_recorded_rows_is_predict(monkeypatch):
+    """For every effect; what the formula leaves out is named with its size."""
+    samples, whole = motion_with_all_signals(), replace(
+        PLAIN, sigmoid=replace(PLAIN.sigmoid, shift=0.01), effects=every_effect())
+    monkeypatch.setattr(FrictionModel, 'differentiated', lambda self, recorded: recorded)
+    names = [effect.name for effect in whole.effects]
+    for kept in ([], *([name] for name in names), names):
+        model = replace(whole, effects=[one for one in whole.effects if one.name in kept])
+        model = replace(model, recorded=Recorded().with_ranges(samples, model.effects))
+        numbers, predicted = friction_of(model), model.predict(samples)
+        found = evaluated(numbers.formula, samples, whole)
+        assert np.abs(found - predicted).max() < 1e-3 * np.abs(predicted).max(), kept
+        left_out = model.predict(samples, same_recording=True) - predicted
+        sizes = [one.size for one in numbers.left_out]
+        assert bool(sizes) == bool(np.any(left_out))
+        if len(sizes) == 1:
+            assert sizes[0] == pytest.approx(np.sqrt(np.mean(left_out ** 2)), rel=0.1)
+
+
+def test_friction_by_load_stands_once_and_beside_coulomb_friction():
+    """A joint within 1 rad of the horizontal that carries 40 N·m, with friction by that load."""
+    weight = EFFECTS['gravity']({'coefficients': [40.0, 0.0]})
+    by_load = EFFECTS['inner_load_friction']({
+        **dict.fromkeys(('sine', 'slope', 'offset', 'inertia', 'with_inertia', 'fading'), 0.0),
+        'cosine': 40.0, 'exponent': 1.0, 'velocity': 1.0, 'transition': 0.01,
+        'coefficients': [0.12]})
+    time = np.arange(0.0, 40.0, 0.01)
+    q, v, a = sines(time, ((0.8, 1.3, 0.0), (0.2, 4.1, 0.0)))
+    samples = Samples(time=time, position=q, velocity=v, acceleration=a, current=0.0 * time)
+    effects = [weight, by_load]
+    model = replace(PLAIN, sigmoid=Sigmoid(1.2, -1.2, 200.0, viscous=0.9), effects=effects,
+                    recorded=Recorded().with_ranges(samples, effects))
+    numbers, joint = friction_of(model), simulator_joint(model, 'mujoco')
+    truth = 1.2 + 0.12 * 40.0 * np.mean(np.cos(q))
+    assert numbers.coulomb == joint.coulomb == pytest.approx(1.2)
+    assert numbers.coulomb_with_load == pytest.approx(truth, rel=0.02)
+    assert numbers.formula.count('0.12·') == 1
+    assert 'without load' in number_rows(numbers)[0].remark
+    assert any('inner load friction' in line for line in joint.left_out)
+    assert any(f'{numbers.coulomb_with_load:.4g} N·m' in line for line in joint.left_out)
+    # What a file of an earlier version does not hold, is not said.
+    assert {one.name: one.size for one in friction_of(replace(model, recorded=None, effects=[
+        EFFECTS['load_friction']({'exponent': 1.0, 'transition': 0.01, 'coefficients': [0.1]})
+    ])).beside} == {'load_friction': None}
+
+
+def test_breakaway_that_holds_a_weight_is_no_friction():
+    held = replace(PLAIN, breakaway=Breakaway(4.69, -1.19, 0.1, 0.1))
+    numbers = friction_of(held)
+    row = number_rows(numbers)[3]
+    assert row.name == 'breakaway'
+    assert row.value == '2.94 N·m'
+    assert numbers.breakaway['friction'] + numbers.breakaway['held'] == pytest.approx(4.69)
+    assert simulator_joint(held, 'isaac').static == pytest.approx(2.94)
+
+
+def test_a_mass_is_in_kg():
+    axis = replace(PLAIN, drive=Drive(62.0, 1.0), notes={'unit': 'A', 'position_unit': 'm'},
+                   effects=[EFFECTS['inertia']({'coefficients': [9.0 / 62.0]})])
+    mass = in_own_units(number_lines(friction_of(axis))[-1], axis.is_linear)
+    assert '9.00 kg ' in mass
+    assert 'kg·m' not in mass
+    force = replace(axis, drive=Drive(1.0, 1.0), notes={'unit': 'N', 'position_unit': 'm'})
+    assert '0.145 kg ' in in_own_units(number_lines(friction_of(force))[-1], True)
 
 
 def test_a_delay_too_short_to_be_found_is_in_the_interval_of_inertia():
@@ -185,7 +319,7 @@ def test_friction_near_standstill_has_an_interval_as_wide_as_it_was_recorded(slo
     low, high = found.recorded.intervals['static']
     assert low < 1.3 < high
     assert (high - low < 0.1) == slow
-    assert 'hardly tells' not in simulator_joint(found).static_is
+    assert 'hardly tells' not in simulator_joint(found, 'isaac').static_is
     # An interval that reaches down to Coulomb friction tells nothing.
     wide = replace(found.recorded, intervals={**found.recorded.intervals, 'static': (0.9, 1.6)})
-    assert 'hardly tells' in simulator_joint(replace(found, recorded=wide)).static_is
+    assert 'hardly tells' in simulator_joint(replace(found, recorded=wide), 'isaac').static_is

@@ -139,12 +139,13 @@ class FrictionModel:
             if {'rigid_body', 'coupling'} & set(effect.needs):
                 raise InputError(f"effect '{effect.name}' needs the motion of the whole arm: "
                                  'predict takes its plan')
-        q, v, a = (np.asarray(values, dtype=float)
-                   for values in (position, velocity, acceleration))
-        if not np.isfinite(q + v + a).all():
+        states = np.broadcast_arrays(*(np.asarray(values, dtype=float)
+                                       for values in (position, velocity, acceleration)))
+        if not np.isfinite(states).all():
             raise InputError('position, velocity and acceleration must be finite')
-        torque = gain * sum((effect.of_states(q, v, a) for effect in self.of_plan()[0].effects),
-                            self.sigmoid(v) + 0.0 * (q + a))
+        q, v, a = (np.ravel(values) for values in states)
+        motion = Samples(time=0.0 * q, position=q, current=0.0 * q, velocity=v, acceleration=a)
+        torque = gain * self.of_plan()[0].current(motion, sliding=True).reshape(states[0].shape)
         return torque if np.ndim(torque) else float(torque)
 
     def of_plan(self) -> tuple[FrictionModel, list[str]]:
@@ -175,6 +176,11 @@ class FrictionModel:
     def friction_known(self) -> bool:
         """Whether it has friction: the file of a drive that nothing has measured yet has none."""
         return any(self.sigmoid.line) or bool(self.effects)
+
+    @property
+    def in_both_directions(self) -> bool:
+        """Whether it was measured in both directions of motion, as far as is known."""
+        return self.recorded is None or self.recorded.in_both_directions
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -226,11 +232,14 @@ class FrictionModel:
         """Return recorded samples with the torques of the rest of the arm on the joint."""
         return samples if self.arm is None else self.arm.with_signal(samples, self.joint)
 
-    def current(self, samples: Samples) -> np.ndarray:
-        """Return the current in A, shape (N,), for samples with velocity and what effects need."""
+    def current(self, samples: Samples, sliding: bool = False) -> np.ndarray:
+        """Return the current in A, shape (N,), for samples with velocity and what effects need.
+
+        If `sliding`, samples do not follow each other, and memory is that of steady sliding.
+        """
         current = np.asarray(self.sigmoid(np.asarray(samples.velocity)), dtype=float)
         for effect in self.effects:
-            current = current + effect.current(samples)
+            current = current + effect.current(samples, sliding)
         return current
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,19 +1,56 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers of a model with their intervals and a formula, in its unit of current."""
+"""The numbers that people ask of a model, each computed from the model over its recorded rows.
+
+Coulomb, viscous friction and offset are a straight line through what of friction depends on speed
+alone, over the recorded speeds, with the sign change taken as sudden. For Eq. 6 alone these are its
+own parameters; a hysteresis or backlash, whose friction the sigmoid then lacks, belongs to Coulomb
+friction. What depends on position, load, temperature, time or rest stands beside the line, with its
+size in the recorded motion: so Coulomb friction is that of a gear without load. What is printed,
+exported and documented comes from here.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+import re
 from typing import Any
 
+import numpy as np
+
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.definitions import RESISTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.sliding_friction import inertia_of, line_of
+from friction_comp.model.measured import LINE
+from friction_comp.samples import Samples
+from friction_comp.statistics import rms
+
+# rad/s, of a model that does not tell the speeds at which it was measured, and their number.
+_TOP_SPEED, _SPEEDS = 1.0, 12
+# Positions of sweeps, for a model that does not keep recorded rows.
+_POINTS = 128
+# A transition so short, rad/s, that every speed of the line is beyond it.
+_SUDDEN = 1e-9
+# What friction of a sliding joint may depend on to be part of the line.
+_OF_SPEED = ('velocity', 'direction', 'history')
+# Effects that the numbers hold, and those of the links and of what they touch.
+_HELD = ('inertia', 'hysteresis', 'backlash')
+LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
+
+
+@dataclass(frozen=True)
+class Beside:
+    """An effect beside the line, or what the formula leaves out, with its size."""
+
+    name: str
+    size: float | None      # RMS in the recorded motion; None where its signal is not known
+    unit: str
 
 
 @dataclass(frozen=True)
 class FrictionNumbers:
-    """Friction of a joint that slides, and what belongs to it."""
+    """Friction of a joint that slides without load, and what belongs to it, in a model's unit."""
 
     offset: float | None  # part of Coulomb friction without motion in both directions
     coulomb: float
@@ -21,38 +58,123 @@ class FrictionNumbers:
     inertia: float | None
     transition: float
     shift: float
+    # Coulomb friction with the mean of what the load adds to it in the recorded motion; None if the
+    # model has no friction by load, or the loads are not known.
+    coulomb_with_load: float | None
     intervals: dict[str, list[float]]  # 95 %, those that the model holds
-    breakaway: dict[str, dict[str, float]] | None
+    # By direction, with what is held there: weight, offset; `friction` is half of what lies between
+    # the directions, which holds nothing.
+    breakaway: dict[str, Any] | None
     presliding: dict[str, float] | None  # distance and std, rad
+    beside: list[Beside]    # the other effects
     unit: str
     torque_per_current: float | None  # None where it is not known, as of counts
     inertia_holds: str
-    formula: str
+    formula: str            # of `FrictionModel.predict`, but for what is left out
+    left_out: list[Beside]  # of the formula
 
 
-def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -> FrictionNumbers:
-    """Return the numbers of a model, in its unit of current, with the intervals that it holds.
+def friction_of(model: FrictionModel, unit: str = '') -> FrictionNumbers:
+    """Return the numbers of a model with the intervals that it holds.
 
-    Without motion in both directions, the offset is part of Coulomb friction.
+    They are in its unit of current, called `unit` if that is given. In one direction of motion, the
+    offset is part of Coulomb friction.
     """
-    base = model.sigmoid
-    numbers: dict[str, Any] = {
-        **line_of(model), 'inertia': inertia_of(model), 'transition': 2.0 / base.steepness}
-    if not both_directions:
+    unit, rows = unit or model.unit, states_of(model)
+    numbers: dict[str, Any] = {**line_of(model), 'inertia': inertia_of(model),
+                               'transition': 2.0 / model.sigmoid.steepness}
+    if not model.in_both_directions:
         numbers['offset'] = None
     intervals = {name: list(ends) for name, value in numbers.items()
                  if value is not None and model.recorded is not None
                  and (ends := model.recorded.interval(name, value))}
     return FrictionNumbers(
-        **numbers, shift=base.shift, intervals=intervals,
-        breakaway=None if model.breakaway is None else {
-            side: {what: getattr(model.breakaway, f'{side}_{what}') for what in ('mean', 'std')}
-            for side in ('positive', 'negative')},
-        presliding=None if model.presliding is None else {
+        **numbers, shift=model.sigmoid.shift, intervals=intervals,
+        coulomb_with_load=_with_load(model, numbers['coulomb'], rows),
+        breakaway=breakaway_of(model), presliding=None if model.presliding is None else {
             name: value for name in ('distance', 'std')
             if (value := getattr(model.presliding, name)) is not None},
-        unit=unit, torque_per_current=model.torque_per(unit),
-        inertia_holds=inertia_holds(model), formula=_formula_line(numbers, model, unit))
+        beside=[_beside(effect, rows, unit) for effect in model.effects
+                if effect.holds_on_another_day and effect.name not in _HELD],
+        unit=unit, torque_per_current=model.torque_per(unit), inertia_holds=inertia_holds(model),
+        formula=formula_of(model, unit), left_out=left_out_of(model, rows, unit))
+
+
+def states_of(model: FrictionModel) -> Samples:
+    """Return the states of motion for which numbers hold: the recorded rows that the model keeps.
+
+    A model without them has sweeps at its speeds in both directions, over its range of position,
+    else over a turn.
+    """
+    rows = model.recorded.rows if model.recorded else {}
+    if rows:
+        known: dict[str, Any] = {name: np.array(values) for name, values in rows.items()}
+        known.setdefault('time', np.arange(len(known['position']), dtype=float))
+        return Samples(current=np.zeros(len(known['position'])), **known)
+    low, high = (model.recorded.ranges.get('position') if model.recorded else None) or (
+        model.position_limits or (-np.pi, np.pi))
+    path, parts = np.linspace(low, high, _POINTS), []
+    for speed in speeds_of(model):
+        for sign in (1.0, -1.0):
+            parts.append(Samples(
+                time=(path - low) / speed, position=path[::round(sign)], current=np.zeros(_POINTS),
+                velocity=np.full(_POINTS, sign * speed), acceleration=np.zeros(_POINTS)))
+    return Samples.concatenate(parts)
+
+
+def motion_in_words(model: FrictionModel) -> str:
+    """Return in which motion sizes and losses hold."""
+    if model.recorded is not None and model.recorded.rows:
+        return 'the recorded motion'
+    speeds = speeds_of(model)
+    return f'sweeps at {speeds[0]:.2g} to {speeds[-1]:.3g} rad/s'
+
+
+def speeds_of(model: FrictionModel) -> np.ndarray:
+    """Return the speeds of a model in rad/s, ascending, shape (S,)."""
+    if model.recorded is not None and model.recorded.speeds:
+        return np.array(model.recorded.speeds)
+    return np.arange(1, _SPEEDS + 1) / _SPEEDS * model.largest_speed(_TOP_SPEED)
+
+
+def line_of(model: FrictionModel) -> dict[str, float]:
+    """Return offset (A), Coulomb (A) and viscous friction (A·s/rad) of a sliding joint."""
+    line, speeds = np.array(model.sigmoid.line), speeds_of(model)
+    for effect in model.effects:
+        if is_of_speed(type(effect)):
+            line += line_by_coefficient(type(effect), effect.values, speeds) @ effect.coefficients
+    return dict(zip(LINE, line.tolist()))
+
+
+def is_of_speed(kind: type[Effect]) -> bool:
+    """Return whether an effect is part of the line: friction that depends on speed alone."""
+    return (kind.role == RESISTS and kind.variable in _OF_SPEED and not kind.needs
+            and not kind.fades_in_sliding and kind.holds_on_another_day)
+
+
+def line_by_coefficient(kind: type[Effect], constants: dict[str, float], speeds: np.ndarray
+                        ) -> np.ndarray:
+    """Return offset, Coulomb and viscous friction of an effect's coefficients of 1, (3, M).
+
+    The line is through its current at speeds in rad/s, (S,), in both directions.
+    """
+    if 'transition' in constants:
+        constants = {**constants, 'transition': _SUDDEN}
+    velocity = np.concatenate((speeds, -np.asarray(speeds)))
+    nothing = np.zeros(len(velocity))
+    motion = Samples(time=nothing, position=nothing, current=nothing, velocity=velocity,
+                     acceleration=nothing)
+    base = np.column_stack((np.ones(len(velocity)), np.sign(velocity), velocity))
+    return np.asarray(np.linalg.pinv(base) @ kind.matrix(motion, constants, sliding=True))
+
+
+def inertia_of(model: FrictionModel) -> float | None:
+    """Return the coefficient of the acceleration, A·s²/rad; None if it was not found."""
+    own = [effect.coefficients[0] for effect in model.effects if effect.name == 'inertia']
+    if own:
+        return float(sum(own))
+    simulated = model.simulation.get('inertia')
+    return None if simulated is None else float(simulated) / model.drive.torque_per_current
 
 
 def inertia_holds(model: FrictionModel) -> str:
@@ -62,17 +184,80 @@ def inertia_holds(model: FrictionModel) -> str:
     return 'the motor with all links that moved'
 
 
-def _formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> str:
-    parts = [f"{numbers['coulomb']:.4g}·tanh(v/{numbers['transition']:.2g})",
-             f"{numbers['viscous']:+.4g}·v"]
-    if numbers['offset']:
-        parts.append(f"{numbers['offset']:+.3g}")
-    if numbers['inertia']:
-        parts.append(f"{numbers['inertia']:+.4g}·dv/dt")
-    others = dict.fromkeys(effect.name.replace('_', ' ') for effect in model.effects
-                           if effect.name not in ('inertia', 'hysteresis'))
-    spaced = ' '.join(parts).replace(' +', ' + ').replace(' -', ' − ')
-    return f'{quantity_in(unit)} = {" + ".join([spaced, *others])}   [{unit}, v in rad/s]'
+def near_standstill(model: FrictionModel, coulomb: float) -> float | None:
+    """Return Coulomb with Stribeck friction, A; None if the model has no Stribeck friction."""
+    heights = [effect.coefficients[0] for effect in model.effects if effect.name == 'stribeck']
+    return coulomb + sum(heights) if heights else None
+
+
+def breakaway_of(model: FrictionModel) -> dict[str, Any] | None:
+    """Return breakaway by direction, and `friction` and `held`, which add up to them, A."""
+    known = model.breakaway
+    if known is None:
+        return None
+    return {**{side: {what: getattr(known, f'{side}_{what}') for what in ('mean', 'std')}
+               for side in ('positive', 'negative')},
+            'friction': known.friction, 'held': known.held}
+
+
+def _with_load(model: FrictionModel, coulomb: float, rows: Samples) -> float | None:
+    by_load = [effect for effect in model.effects
+               if effect.role == RESISTS and effect.variable == 'load']
+    if not by_load or any(getattr(rows, name) is None for effect in by_load
+                          for name in effect.needs):
+        return None
+    added = sum(effect.current(rows, sliding=True) for effect in by_load)
+    return coulomb + float(np.mean(np.sign(np.asarray(rows.velocity)) * added))
+
+
+def _beside(effect: Effect, rows: Samples, unit: str) -> Beside:
+    """Return an effect with its size, of one that bends the line without the line."""
+    # What follows a rest only, states of sliding do not show.
+    if (effect.has_memory and effect.fades_in_sliding) or any(
+            getattr(rows, name) is None for name in effect.needs):
+        return Beside(effect.name, None, unit)
+    current, velocity = effect.current(rows, sliding=True), np.asarray(rows.velocity)
+    if is_of_speed(type(effect)):
+        line = line_by_coefficient(type(effect), effect.values, np.unique(np.abs(velocity)))
+        current = current - np.column_stack(
+            (np.ones(len(velocity)), np.sign(velocity), velocity)) @ line @ effect.coefficients
+    return Beside(effect.name, rms(current), unit)
+
+
+def left_out_of(model: FrictionModel, rows: Samples, unit: str) -> list[Beside]:
+    """Return what of a model its formula leaves out: other days, and what is late."""
+    return [*(_beside(effect, rows, unit) for effect in model.effects
+              if not effect.holds_on_another_day),
+            *(Beside(name.replace('_', ' '), float(value), 's') for name in ('lag', 'time_constant')
+              if (value := model.settings.get(name)))]
+
+
+def formula_of(model: FrictionModel, unit: str) -> str:
+    """Return the model as a formula, in its unit of current, with the units of what it names.
+
+    Evaluated at the velocity v, acceleration dv/dt, position q and so on of a recording, it is
+    `FrictionModel.predict` but for `left_out_of`; beyond the recorded range, an effect keeps the
+    value at its end.
+    """
+    offset, coulomb, viscous = model.sigmoid.line
+    shift = f'(v {-model.sigmoid.shift:+.5g})' if model.sigmoid.shift else 'v'
+    parts = [f'{coulomb:.5g}·tanh({shift}/{2.0 / model.sigmoid.steepness:.5g})',
+             f'{viscous:+.5g}·v']
+    parts += [f'{offset:+.5g}'] * bool(offset)
+    effects = [effect for effect in model.effects if effect.holds_on_another_day]
+    parts += [effect.formula() for effect in effects]
+    text = re.sub(r' ([+-])(?=[\d.(])', r' \1 ', ' '.join(parts)).replace('(+', '(')
+    return f'{quantity_in(unit)} = {text}   [{", ".join(_names_in(text, unit, effects))}]'
+
+
+def _names_in(text: str, unit: str, effects: Iterable[Effect]) -> list[str]:
+    meanings = {'·q|·\\(q|\\|q': 'q in rad', r'τ_b': 'τ_b: load in N·m',
+                'τ_links': "τ_links: torque of the arm's links in N·m",
+                'i_other_joints': 'i_other_joints: sum of the terms in section arm',
+                r'\(T -': 'T in °C'}
+    return [unit, 'v in rad/s',
+            *(said for name, said in meanings.items() if re.search(name, text)),
+            *filter(None, (effect.state_formula() for effect in effects))]
 
 
 def quantity_in(unit: str) -> str:

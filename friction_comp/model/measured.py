@@ -15,7 +15,7 @@ from friction_comp.checks import check_interval, check_list, check_mapping, chec
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.samples import Samples
-from friction_comp.statistics import rms
+from friction_comp.statistics import evenly_spread, rms
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,16 @@ class Breakaway:
             raise InputError(
                 'breakaway currents must have the sign of their direction, not '
                 f'{self.positive_mean} and {self.negative_mean}')
+
+    @property
+    def friction(self) -> float:
+        """Friction at breakaway, A: half of what lies between the directions."""
+        return 0.5 * (self.positive_mean - self.negative_mean)
+
+    @property
+    def held(self) -> float:
+        """What acts in one direction at breakaway, as a weight or an offset does, A."""
+        return 0.5 * (self.positive_mean + self.negative_mean)
 
     def times(self, factor: float) -> Breakaway:
         """Return them `factor` times as large; the same if their scatter is larger than that."""
@@ -94,12 +104,20 @@ def signals_read(samples: Samples, effects: Iterable[Effect]) -> dict[str, np.nd
     signals = {name: np.abs(values) for name, (own, _) in _SIZES.items()
                if name in {'speed', *names} and (values := getattr(samples, own)) is not None}
     signals |= {name: values for name in _UNITS
-                if name in names and (values := getattr(samples, name)) is not None}
+                if samples.velocity is not None and name in names
+                and (values := getattr(samples, name)) is not None}
     # Their torque counts, where a URDF tells it.
     if samples.rigid_body is None and samples.arm is not None:
         signals |= {f'{_OF_OTHER}{joint}': values for joint, values in zip(
             samples.arm.joints, samples.arm.position.T) if joint != samples.joint}
     return signals
+
+
+# Rows that a model keeps, what they may hold, and the share of them in the other direction up to
+# which motion counts as in one.
+_ROWS, _ONE_WAY = 128, 0.02
+_OF_ROWS = ('time', 'position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body',
+            'coupling')
 
 
 @dataclass(frozen=True)
@@ -115,12 +133,15 @@ class Recorded:
     error: float | None = None  # to expect in motion of another recording, RMS, A
     load: float = 0.0  # mean measured load in motion, N·m
     sample_time: float | None = None  # the longest of the recordings, s: `error` is at this rate
+    # Some states of the recorded motion, evenly spread: `position`, `velocity` and what else the
+    # effects read, by the names of `Samples`, each (R,); see `friction_numbers.states_of`.
+    rows: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
     @classmethod
     def from_dict(cls, section: Any) -> Recorded:
         """Read the section `recorded` of a model file."""
         check_mapping(section, 'recorded', (
-            'speeds', 'intervals', 'ranges', 'error', 'load', 'sample_time'))
+            'speeds', 'intervals', 'rows', 'ranges', 'error', 'load', 'sample_time'))
         speeds = tuple(check_number(value, 'recorded.speeds', above=0.0) for value in check_list(
             section.get('speeds'), 'recorded.speeds'))
         intervals = check_mapping(section.get('intervals') or {}, 'recorded.intervals',
@@ -134,15 +155,24 @@ class Recorded:
                      for name, ends in intervals.items()},
             {str(name): check_interval(ends, f'recorded.ranges.{name}') for name, ends in
              check_mapping(section.get('ranges') or {}, 'recorded.ranges').items()},
-            error, check_number(section.get('load', 0.0), 'recorded.load'), sample_time)
+            error, check_number(section.get('load', 0.0), 'recorded.load'), sample_time,
+            _rows(section.get('rows') or {}))
 
     def with_ranges(self, samples: Samples, effects: Iterable[Effect]) -> Recorded:
-        """Return it with the ranges of samples in motion, which effects were fitted to."""
+        """Return it with ranges and rows of samples in motion, which effects were fitted to."""
+        effects = list(effects)
         ranges = {}
         for name, values in signals_read(samples, effects).items():
             low, high = np.quantile(values, (_TAIL, 1.0 - _TAIL))
             ranges[name] = (0.0 if name in _SIZES else float(low), float(high))
-        return replace(self, ranges=ranges, load=(
+        every = np.arange(_ROWS)
+        index = np.unique((every + evenly_spread(every)) * len(samples) // _ROWS).astype(int)
+        names = {'position', 'velocity', *(name for effect in effects for name in effect.reads()),
+                 *(['time'] if any(not one.holds_on_another_day for one in effects) else [])}
+        rows = {name: tuple(float(f'{value:.6g}') for value in values[index]) for name in _OF_ROWS
+                if samples.velocity is not None and name in names
+                and (values := getattr(samples, name)) is not None}
+        return replace(self, ranges=ranges, rows=rows, load=(
             0.0 if samples.load is None else float(np.mean(samples.load))))
 
     def beyond(self, samples: Samples, effects: Iterable[Effect], linear: bool = False,
@@ -187,6 +217,22 @@ class Recorded:
         low, high = self.intervals.get(name, (math.nan, math.nan))
         return (low, high) if low <= value <= high else None
 
+    @property
+    def in_both_directions(self) -> bool:
+        """Whether a part of the rows is in each direction of motion."""
+        forwards = np.mean(np.array(self.rows.get('velocity', (-1.0, 1.0))) > 0.0)
+        return bool(_ONE_WAY < forwards < 1.0 - _ONE_WAY)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the section of a model file."""
         return {name: value for name, value in vars(self).items() if value not in ({}, None)}
+
+
+def _rows(section: Any) -> dict[str, tuple[float, ...]]:
+    rows = {name: tuple(check_number(value, f'recorded.rows.{name}') for value in check_list(
+        values, f'recorded.rows.{name}'))
+        for name, values in check_mapping(section, 'recorded.rows', _OF_ROWS).items()}
+    if rows and (not {'position', 'velocity'} <= rows.keys() or not rows['position']
+                 or len(set(map(len, rows.values()))) > 1):
+        raise InputError('recorded.rows must have position and velocity, and all as many values')
+    return rows

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A model in the form of simulators and controllers: Coulomb, viscous, offset, inertia, spring.
 
-Each form is the sum of a few terms of a joint's velocity, acceleration and position. What it lacks
-of the model is listed; its error is the torque that it misses in a motion: that of a recording, or
-sweeps at the speeds of the model. Effects of the links (weight, the rest of the arm) are left to
-the simulator's own bodies.
+The numbers are those of `friction_numbers`, as torques. What a form lacks of the model is listed
+with its size, and its error is the torque that it misses in the recorded motion. Effects of the
+links (weight, the rest of the arm) are left to the simulator's own bodies.
 """
 
 from __future__ import annotations
@@ -18,26 +17,42 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.friction_numbers import (
+    friction_of,
+    FrictionNumbers,
+    LINKS,
+    motion_in_words,
+    near_standstill,
+    speeds_of,
+    states_of,
+)
 from friction_comp.model.measured import LINE
-from friction_comp.model.sliding_friction import inertia_of, line_of, near_standstill, Sliding
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
-LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
-"""Effects of the links and of what they touch."""
-_OWN_ELEMENTS = ('inertia', 'spring')
+# Names of the numbers in each form; a form lacks those that it does not name.
+KEYS = {
+    'mujoco': {'coulomb': 'frictionloss', 'viscous': 'damping', 'inertia': 'armature',
+               'stiffness': 'stiffness'},
+    'urdf': {'coulomb': 'friction', 'viscous': 'damping'},
+    'sdf': {'coulomb': 'friction', 'viscous': 'damping', 'stiffness': 'spring_stiffness'},
+    'tanh': {'coulomb': 'Fc', 'viscous': 'Fv', 'offset': 'Fo'},
+    'isaac': {'static': 'static_friction', 'coulomb': 'dynamic_friction',
+              'viscous': 'viscous_friction', 'inertia': 'armature'},
+    'csv': {'offset': 'torque (N·m)'},
+    'json': {name: name for name in ('coulomb', 'coulomb_with_load', 'viscous', 'offset', 'static',
+                                     'transition', 'inertia', 'stiffness', 'rest')}}
 _NEVER_NEGATIVE = ('coulomb', 'viscous', 'static', 'inertia', 'stiffness')
-# Speeds of a table over which friction changes its sign, in units of the transition.
-_TURNING = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0])
-# Speed as a share of the top speed above which a joint slides.
-_SLIDING = 0.02
+# Speeds of a table over which friction changes its sign, in units of the transition, and positions
+# of a table of friction by position.
+_TURNING, _PLACES = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0]), 360
 
 
 @dataclass(frozen=True)
 class SimulatorJoint:
-    """The numbers of a joint, of one model or the means of several; torques in `unit`."""
+    """The numbers of a joint as torques in `unit`."""
 
-    coulomb: float          # N·m
+    coulomb: float          # N·m, without load
     viscous: float          # N·m·s/rad
     offset: float           # N·m
     static: float           # N·m, at breakaway if known, else near standstill
@@ -45,25 +60,24 @@ class SimulatorJoint:
     inertia: float | None   # kg·m²
     stiffness: float        # of a spring, N·m/rad
     rest: float             # its rest position, rad
+    coulomb_with_load: float | None     # N·m, the mean in the recorded motion
     unit: str               # N·m, or N of a linear axis
+    motion: str             # in which sizes and losses hold
     static_is: str          # where the static friction is from
-    left_out: list[str]     # effects that no form has, with the reason
-    # 95 % intervals by parameter, or over several models the range of all of them.
+    left_out: list[str]     # what the form lacks, with its size or the reason
+    # 95 % intervals by parameter, or of a population the range of further units.
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     ranges_are: str = ''    # what the ranges are
 
     def torque(self, motion: Samples, form: str) -> np.ndarray:
         """Return the torque of a form in a motion, N·m, shape (N,), with its inertia."""
-        speed = np.asarray(motion.velocity)
+        keys, speed = KEYS[form], np.asarray(motion.velocity)
         smooth = form in ('tanh', 'json')
         sign = np.tanh(speed / self.transition) if smooth else np.sign(speed)
-        torque = self.coulomb * sign + self.viscous * speed
-        torque = torque + (self.offset if smooth else 0.0)
-        if form == 'tanh':
-            return torque
-        torque = torque + (self.inertia or 0.0) * np.asarray(motion.acceleration)
-        return torque + (self.stiffness * (motion.position - self.rest)
-                         if form in ('mujoco', 'sdf', 'json') else 0.0)
+        torque = self.coulomb * sign + self.viscous * speed + self.offset * ('offset' in keys)
+        if self.inertia and 'inertia' in keys and motion.acceleration is not None:
+            torque = torque + self.inertia * motion.acceleration
+        return torque + self.stiffness * ('stiffness' in keys) * (motion.position - self.rest)
 
     def passive(self) -> SimulatorJoint:
         """Return the joint without negative numbers, which no simulator takes; `left_out` says so.
@@ -92,80 +106,91 @@ def cautions_of(models: Iterable[FrictionModel]) -> list[str]:
     return list(lines)
 
 
-def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> SimulatorJoint:
-    """Return the numbers of a model; `top_speed` in rad/s replaces the speeds of its recording.
+def torque_per_unit(model: FrictionModel) -> float:
+    """Return the torque (or force) of one unit of a model's current.
 
-    Raises InputError if the model's unit is not a torque and cannot be converted to one.
+    Raises InputError if its unit is no torque, force, or current with known constants.
     """
-    unit = model.unit
-    gain = model.torque_per(unit)
+    gain = model.torque_per(model.unit)
     if gain is None:
-        raise InputError(
-            f'its unit is {unit}, and no torque constant and gear ratio are known that make it a '
-            'torque: refine with --torque-constant and --gear-ratio, or write them into the '
-            "model's section drive")
-    line, inertia = line_of(model, top_speed), inertia_of(model)
+        raise InputError(f'its unit is {model.unit}, ' + (
+            'and no torque constant and gear ratio are known: refine with --torque-constant and '
+            "--gear-ratio, or write them into the model's section drive" if model.unit == 'A' else
+            'which is no torque, force or current: what belongs to it is no friction of a joint '
+            'alone. Refine a recording of the torque or of the current'))
+    return gain
+
+
+def simulator_joint(model: FrictionModel, form: str) -> SimulatorJoint:
+    """Return the numbers of a model for a form; raises InputError as `torque_per_unit`."""
+    gain, numbers = torque_per_unit(model), friction_of(model)
+    unit = 'N' if model.is_linear else 'N·m'
     springs = [effect for effect in model.effects if effect.name == 'spring']
-    numbers = {**line, **({} if inertia is None else {'inertia': inertia})}
-    ranges, ranges_are = _ranges(model, numbers)
-    static, static_is, own = _static(model, line['coulomb'])
+    own = {name: value for name in (*LINE, 'inertia')
+           if (value := getattr(numbers, name)) is not None}
+    ranges, ranges_are = _ranges(model, numbers, own)
+    static, static_is, ends = _static(model, numbers.coulomb)
     # Units of a fleet do not vary by the interval of one.
-    if own and 'range_of_units' not in model.notes:
-        ranges['static'] = own
-    _, left_out = joint_friction_only(model)
+    if ends and 'range_of_units' not in model.notes:
+        ranges['static'] = ends
     return SimulatorJoint(
-        coulomb=gain * line['coulomb'], viscous=gain * line['viscous'],
-        offset=gain * line['offset'], static=gain * static, static_is=static_is,
-        transition=2.0 / model.sigmoid.steepness,
-        inertia=None if inertia is None else gain * inertia,
+        motion=motion_in_words(model), coulomb=gain * numbers.coulomb,
+        viscous=gain * numbers.viscous, offset=gain * (numbers.offset or 0.0),
+        static=gain * static, static_is=static_is, transition=numbers.transition,
+        inertia=None if numbers.inertia is None else gain * numbers.inertia,
         stiffness=gain * sum(effect.coefficients[0] for effect in springs),
         rest=springs[0].values['position'] if springs else 0.0,
-        unit='N' if model.is_linear else 'N·m', left_out=left_out,
+        coulomb_with_load=(None if numbers.coulomb_with_load is None
+                           else gain * numbers.coulomb_with_load),
+        unit=unit, left_out=_left_out(model, numbers, form),
         ranges={name: (gain * low, gain * high) for name, (low, high) in ranges.items()},
         ranges_are=ranges_are)
 
 
-def _ranges(model: FrictionModel, numbers: dict[str, float]
+def _left_out(model: FrictionModel, numbers: FrictionNumbers, form: str) -> list[str]:
+    """Return what a form lacks of a model, with its size in the recorded motion."""
+    keys, gain, motion, lines = KEYS[form], torque_per_unit(model), motion_in_words(model), []
+    unit = 'N' if model.is_linear else 'N·m'
+    held = {effect.name for effect in model.effects if _in_table(effect)} if form == 'csv' else {
+        'spring'} if 'stiffness' in keys else set()
+    if numbers.coulomb_with_load is not None and form != 'csv':
+        lines.append('friction by load: Coulomb friction here is without load; its mean with load '
+                     f'is {gain * numbers.coulomb_with_load:.4g} {unit} in {motion}')
+    if 'offset' not in keys and numbers.offset:
+        lines.append(f'offset {gain * numbers.offset:.3g} {unit}: no place for it in this form')
+    if 'inertia' not in keys and numbers.inertia:
+        lines.append(f'inertia {gain * numbers.inertia:.6g} kg·m²: ' + (
+            'not in its formula' if form == 'tanh' else 'belongs to the links of this form'))
+    for one in (*numbers.beside, *numbers.left_out):
+        if one.name in held:
+            continue
+        scale, own_unit = (1.0, one.unit) if one.unit == 's' else (gain, unit)
+        size = '' if one.size is None else f' {scale * one.size:.3g} {own_unit}' + (
+            f' RMS in {motion}' if own_unit == unit else '')
+        lines.append(f'{one.name.replace("_", " ")}{size}' + (
+            ': belongs to the links and what they touch' if one.name in LINKS else ''))
+    return lines
+
+
+def _ranges(model: FrictionModel, numbers: FrictionNumbers, own: dict[str, float]
             ) -> tuple[dict[str, tuple[float, float]], str]:
     """Return ranges of numbers in the model's unit, by name, and what they are."""
     units = model.notes.get('range_of_units', {})
     if not units:
-        ends = {} if model.recorded is None else {
-            name: model.recorded.interval(name, value) for name, value in numbers.items()}
-        found = {name: (own[0], own[1]) for name, own in ends.items() if own}
+        found = {name: (ends[0], ends[1]) for name, ends in numbers.intervals.items()}
         return found, '95 % intervals of the fit' if found else ''
     # Effects that bend the straight line do not vary with it.
-    own = {**dict(zip(LINE, model.sigmoid.line)), 'inertia': numbers.get('inertia', 0.0)}
-    return {name: (value + units[name][0] - own[name], value + units[name][1] - own[name])
-            for name, value in numbers.items() if name in units}, (
+    straight = {**dict(zip(LINE, model.sigmoid.line)), 'inertia': own.get('inertia', 0.0)}
+    return {name: (value + units[name][0] - straight[name], value + units[name][1] - straight[name])
+            for name, value in own.items() if name in units}, (
         f'where 95 % of further units lie, from {model.notes["units"]} units of a fleet')
-
-
-def of_several(joints: list[SimulatorJoint]) -> SimulatorJoint:
-    """Return the means of several joints, and the ranges over all of them with their intervals."""
-    if len(joints) == 1:
-        return joints[0]
-    if len({joint.unit for joint in joints}) > 1:
-        raise InputError('some models are in N·m and some in N')
-    names = [name for name in (*LINE, 'static', 'transition', 'inertia')
-             if all(getattr(joint, name) is not None for joint in joints)]
-    ranges = {}
-    for name in names:
-        ends = [joint.ranges.get(name, (getattr(joint, name),) * 2) for joint in joints]
-        ranges[name] = min(low for low, _ in ends), max(high for _, high in ends)
-    means = {name: float(np.mean([getattr(joint, name) for joint in joints])) for name in names}
-    return replace(
-        joints[0], **{'inertia': None, **means},  # type: ignore[arg-type] # its names are fields
-        left_out=list(dict.fromkeys(line for joint in joints for line in joint.left_out)),
-        ranges=ranges, ranges_are=f'smallest to largest of {len(joints)} models, with their '
-                                  'intervals')
 
 
 def _static(model: FrictionModel, coulomb: float
             ) -> tuple[float, str, tuple[float, float] | None]:
     """Return the friction at breakaway or near standstill, A, where it is from, and its range."""
     if model.breakaway is not None:
-        breakaway = 0.5 * (model.breakaway.positive_mean - model.breakaway.negative_mean)
+        breakaway = model.breakaway.friction
         # Simulators refuse a static friction below the dynamic one.
         return (breakaway, 'measured breakaway', None) if breakaway >= coulomb else (
             coulomb, 'Coulomb friction: the measured breakaway is lower', None)
@@ -180,61 +205,24 @@ def _static(model: FrictionModel, coulomb: float
     return max(value, coulomb), 'Coulomb with Stribeck friction', own
 
 
-def joint_friction_only(model: FrictionModel, known: tuple[str, ...] = ('acceleration',)
-                        ) -> tuple[FrictionModel, list[str]]:
-    """Return the model with the friction that depends on known signals, and what is left out."""
-    kept: list[Effect] = []
-    left_out = []
-    for effect in model.effects:
-        unknown = [name for name in effect.needs if name not in known]
-        if effect.name in LINKS:
-            left_out.append(f'{effect.name}: belongs to the links and what they touch')
-        elif effect.name in _OWN_ELEMENTS:
-            continue
-        elif unknown or not effect.holds_on_another_day:
-            left_out.append(f'{effect.name}: depends on {unknown[0] if unknown else "time"}')
-        else:
-            kept.append(effect)
-    return replace(model, effects=kept, arm=None), left_out
-
-
 @dataclass(frozen=True)
 class Loss:
-    """The torque that a form misses of a model."""
+    """The torque that a form misses of a model in the recorded motion."""
 
     torque: float       # RMS, N·m
     share: float        # of the RMS of the model's torque
-    motion: str         # in which motion
 
 
-def loss_of(model: FrictionModel, joint: SimulatorJoint | FrictionTable, form: str,
-            recorded: Samples | None = None) -> Loss:
-    """Return what a form misses of the model's torque without links, where the joint slides.
-
-    In the motion of a recording with velocity and acceleration, else in sweeps at the model's
-    speeds. Friction alone is compared where the form is of friction alone.
-    """
-    gain = model.torque_per(model.unit) or 1.0
-    has_inertia = form not in ('tanh', 'csv')
+def loss_of(model: FrictionModel, joint: SimulatorJoint | FrictionTable, form: str) -> Loss:
+    """Return what a form misses of the model's torque without links, where the joint slides."""
+    motion, gain = states_of(model), torque_per_unit(model)
     kept = [effect for effect in model.effects if effect.name not in LINKS
-            and (has_inertia or effect.name != 'inertia')]
-    if recorded is None:
-        motion, slides = Sliding.of(model).samples()
-        # Sweeps have no load, temperature or time.
-        kept = [effect for effect in kept if effect.holds_on_another_day
-                and set(effect.needs) <= {'acceleration'}]
-        words = (f'sweeps at {min(np.abs(np.asarray(motion.velocity))):.2g} to '
-                 f'{max(np.asarray(motion.velocity)):.3g} rad/s')
-    else:
-        motion, words = recorded, 'the motion of the recording'
-        speed = np.abs(np.asarray(motion.velocity))
-        slides = speed > _SLIDING * speed.max()
-        kept = [effect for effect in kept
-                if all(getattr(motion, name) is not None for name in effect.needs)]
-    torque = gain * replace(model, arm=None, effects=kept).current(motion)[slides]
-    missed = torque - joint.torque(motion, form)[slides]
-    size, error = rms(torque), rms(missed)
-    return Loss(error, error / size if size else 0.0, words)
+            and (effect.name != 'inertia' or form not in ('tanh', 'csv'))
+            and effect.holds_on_another_day
+            and all(getattr(motion, name) is not None for name in effect.needs)]
+    torque = gain * replace(model, arm=None, effects=kept).current(motion, sliding=True)
+    size, error = rms(torque), rms(torque - joint.torque(motion, form))
+    return Loss(error, error / size if size else 0.0)
 
 
 @dataclass(frozen=True)
@@ -242,41 +230,44 @@ class FrictionTable:
     """Friction torque over speed, position and load, without weight, spring and inertia."""
 
     names = ('velocity (rad/s)', 'position (rad)', 'load (N·m)', 'torque (N·m)')
-    rows: np.ndarray        # (N, 4)
+    axes: tuple[np.ndarray, ...]    # speeds (S,), positions (P,) and loads (L,), ascending
+    values: np.ndarray              # (S, P, L), N·m
 
     @classmethod
-    def of(cls, model: FrictionModel, loads: np.ndarray, top_speed: float | None = None
-           ) -> FrictionTable:
+    def of(cls, model: FrictionModel, loads: np.ndarray) -> FrictionTable:
         """Return a model's table; friction by load has the loads, shape (L,), N·m."""
-        gain = model.torque_per(model.unit) or 1.0
-        kept, _ = joint_friction_only(model, ('acceleration', 'load'))
-        sliding = Sliding.of(model, top_speed)
-        # Between the slowest sweeps, friction changes its sign.
-        turning = _TURNING * 2.0 / model.sigmoid.steepness
-        motion, late = replace(sliding, speeds=tuple(sorted({
-            *sliding.speeds, *turning[turning < max(sliding.speeds)].tolist()}))).samples()
-        if not any('load' in effect.needs for effect in kept.effects):
+        gain, motion = torque_per_unit(model), states_of(model)
+        kept = [effect for effect in model.effects if _in_table(effect)]
+        slow = _TURNING * 2.0 / model.sigmoid.steepness
+        speeds = np.union1d(speeds_of(model), slow[slow < speeds_of(model).max()])
+        speeds = np.concatenate((-speeds[::-1], speeds))
+        by_position = any('position' in effect.reads() for effect in kept)
+        positions = np.linspace(motion.position.min(), motion.position.max(), _PLACES) if (
+            by_position) else np.zeros(1)
+        if not any('load' in effect.needs for effect in kept):
             loads = np.zeros(1)
-        every = 2 if any(effect.variable == 'position' for effect in kept.effects) else 8
-        shown = late & (np.arange(len(motion)) % every == 0)
-        rows = []
-        for load in loads:
-            torque = gain * kept.current(motion.with_(load=np.full(len(motion), load)))
-            rows.append(np.column_stack((
-                np.asarray(motion.velocity), motion.position, np.full(len(motion), load),
-                torque))[shown])
-        return cls(np.concatenate(rows))
+        v, q, load = (one.ravel() for one in np.meshgrid(speeds, positions, loads, indexing='ij'))
+        friction = replace(model, effects=kept, arm=None).current(Samples(
+            time=0.0 * v, position=q, current=0.0 * v, velocity=v, load=load, acceleration=0.0 * v,
+            ), sliding=True)
+        return cls((speeds, positions, loads),
+                   gain * friction.reshape(len(speeds), len(positions), len(loads)))
+
+    @property
+    def rows(self) -> np.ndarray:
+        """The rows of the table in the order of `names`, (N, 4)."""
+        grid = np.meshgrid(*self.axes, indexing='ij')
+        return np.column_stack([one.ravel() for one in (*grid, self.values)])
 
     def torque(self, motion: Samples, form: str = 'csv') -> np.ndarray:
         """Return the torque in a motion, N·m, shape (N,): linear between the rows."""
         load = np.zeros(len(motion)) if motion.load is None else motion.load
-        speeds, loads = np.unique(self.rows[:, 0]), np.unique(self.rows[:, 2])
-        torque = np.zeros(len(motion))
-        for speed, one in zip(speeds, np.eye(len(speeds))):
-            for level, own in zip(loads, np.eye(len(loads))):
-                sweep = self.rows[(self.rows[:, 0] == speed) & (self.rows[:, 2] == level)]
-                sweep = sweep[np.argsort(sweep[:, 1])]
-                torque += (np.interp(np.asarray(motion.velocity), speeds, one)
-                           * np.interp(load, loads, own)
-                           * np.interp(motion.position, sweep[:, 1], sweep[:, 3]))
-        return torque
+        signals = np.asarray(motion.velocity), motion.position, load
+        weights = [np.array([np.interp(signal, axis, one) for one in np.eye(len(axis))])
+                   for signal, axis in zip(signals, self.axes)]
+        return np.asarray(np.einsum('sn,pn,ln,spl->n', *weights, self.values, optimize=True))
+
+
+def _in_table(effect: Effect) -> bool:
+    return (effect.name not in (*LINKS, 'inertia', 'spring') and effect.holds_on_another_day
+            and set(effect.needs) <= {'load'})

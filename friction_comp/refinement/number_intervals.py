@@ -10,10 +10,16 @@ import math
 import numpy as np
 
 from friction_comp.model.differentiation import filtered_as_acceleration
-from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.friction_numbers import (
+    inertia_of,
+    is_of_speed,
+    line_by_coefficient,
+    line_of,
+    near_standstill,
+    speeds_of,
+)
 from friction_comp.model.measured import LINE, Recorded
-from friction_comp.model.sliding_friction import inertia_of, line_of, near_standstill, Sliding
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import EQ6_LINEAR
@@ -43,9 +49,8 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     speed = np.abs(np.asarray(rows.samples.velocity)[rows.usable])
     speeds = np.quantile(speed, (np.arange(_SPEEDS) + 0.5) / _SPEEDS)
     recorded = Recorded(tuple(np.unique(speeds[speeds > 0.0]).tolist()))
-    weights = _weights(fit, Sliding(recorded.speeds or Sliding.of(model).speeds,
-                                    model.position_limits or Sliding.limits))
-    straight = line_of(replace(model, recorded=recorded))
+    model = replace(model, recorded=recorded)
+    weights, straight = _weights(fit, speeds_of(model)), line_of(model)
     values = (*straight.values(), inertia_of(model),
               near_standstill(model, straight['coulomb']))
     intervals, other_fits = {}, np.vstack((_without_thirds(fit), _with_filtered_current(fit)))
@@ -67,20 +72,17 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
         rows.samples.take(rows.usable), model.effects)
 
 
-def _weights(fit: Fit, sliding: Sliding) -> np.ndarray:
+def _weights(fit: Fit, speeds: np.ndarray) -> np.ndarray:
     """Return the weights, (5, P), that make a fit's coefficients to `LINE`, inertia and static."""
     weights = np.zeros((len(LINE) + 2, max(fit.intervals.coefficients) + 1))
     weights[:EQ6_LINEAR, :EQ6_LINEAR] = np.eye(EQ6_LINEAR)
-    own = [term for term in fit.terms if term.group is None]
-    # Their coefficients do not matter.
-    effects: list[Effect] = [term.kind({**term.constants, 'coefficients': [0.0] * len(
-        fit.table.columns_of[term])}) for term in own]
-    for term, effect, line in zip(own, effects, sliding.lines(effects)):
+    for term in fit.terms:
         columns = fit.table.columns_of[term]
-        weights[:len(LINE), columns] = line
-        if effect.name == 'inertia':
+        if term.group is None and is_of_speed(term.kind):
+            weights[:len(LINE), columns] = line_by_coefficient(term.kind, term.constants, speeds)
+        if term.kind.name == 'inertia':
             weights[-2, columns[0]] = 1.0
-        if effect.name == 'stribeck':
+        if term.kind.name == 'stribeck':
             weights[-1, columns[0]] = 1.0
     weights[-1] += weights[LINE.index('coulomb')]
     return weights

@@ -17,8 +17,8 @@ from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.effects.base import with_range
 from friction_comp.model.effects.definitions import RESISTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.friction_numbers import line_of
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.model.sliding_friction import line_of
 from friction_comp.parallel import one_thread
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
@@ -271,14 +271,15 @@ def _change_of_friction(initial: FrictionModel, model: FrictionModel, speeds: Se
     A hysteresis may be friction that the initial model knows as Coulomb friction, or more of it:
     the change is that which is nearer to none. What depends on a temperature, say, is not compared.
     """
-    if any(effect.role == RESISTS and (effect.needs or not effect.holds_on_another_day)
+    if any(effect.role == RESISTS and (
+            effect.needs or effect.variable == 'load' or not effect.holds_on_another_day)
            for effect in (*initial.effects, *model.effects)):
         return 1.0
     changes = [1.0]
     for skipped in ((), ('hysteresis',)):
-        lines = [line_of(replace(one, effects=[effect for effect in one.effects
-                                               if effect.name not in skipped]), max(speeds))
-                 for one in (initial, model)]
+        lines = [line_of(replace(one, recorded=model.recorded, effects=[
+            effect for effect in one.effects if effect.name not in skipped]))
+            for one in (initial, model)]
         before, now = (line['coulomb'] + line['viscous'] * min(speeds) for line in lines)
         changes.append(now / before if before > 0.0 < now else 1.0)
     return sorted(changes)[1]

@@ -61,7 +61,7 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     if between:
         growth[RECORDING] = between.growth
     noise = judge.noise_floor(rows, refined.held_out)
-    friction = friction_of(model, unit, rows.coverage.both_directions)
+    friction = friction_of(model, unit)
     effects = [] if kept else effects_of(problem, fit, friction, unit)
     open_questions = [] if kept else judge.ambiguities(fit)
     base = 'the given model' if given else 'sigmoid of Eq. 6 fitted to the recording'

@@ -11,7 +11,8 @@ from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.number_text import number
 
 # Name and unit of each number, A standing for the unit of current.
-NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'), 'offset': ('offset', 'A'),
+NAMES = {'coulomb': ('Coulomb', 'A'), 'coulomb_with_load': ('… with load', 'A'),
+         'viscous': ('viscous', 'A·s/rad'), 'offset': ('offset', 'A'),
          'viscous_asymmetry': ('viscous, half of + minus −', 'A·s/rad'),
          'stribeck': ('Stribeck, at standstill', 'A'),
          'stribeck_speed': ('Stribeck speed', 'rad/s'), 'inertia': ('inertia', 'A·s²/rad')}
@@ -33,8 +34,13 @@ def number_rows(friction: FrictionNumbers) -> list[NumberRow]:
     remarks = {} if friction.offset is not None else {
         'coulomb': 'with the offset: the motion was in one direction',
         'offset': 'not known: the motion was in one direction'}
-    rows = [_row(friction, key, remarks.get(key, '')) for key in ('coulomb', 'viscous', 'offset')]
-    rows += _breakaway_rows(friction)
+    keys = ['coulomb', 'viscous', 'offset']
+    if friction.coulomb_with_load is not None:
+        keys.insert(1, 'coulomb_with_load')
+        remarks |= {'coulomb': ', '.join(filter(None, ('without load', remarks.get('coulomb')))),
+                    'coulomb_with_load': 'mean in the recorded motion'}
+    rows = [_row(friction, key, remarks.get(key, '')) for key in keys]
+    rows.append(_breakaway_row(friction))
     rows.append(_presliding_row(friction.presliding))
     value, ends = friction.transition, friction.intervals.get('transition')
     rows.append(NumberRow('transition', *_texts(value, ends, 'rad/s'), '',
@@ -52,7 +58,7 @@ def _row(friction: FrictionNumbers, key: str, remark: str) -> NumberRow:
         return NumberRow(name, '–', '', '', remark)
     ends = friction.intervals.get(key)
     torque_unit = 'kg·m²' if key == 'inertia' else current_unit.replace('A', 'N·m', 1)
-    own_unit = torque_unit if unit == 'N·m' else current_unit.replace('A', unit, 1)
+    own_unit = torque_unit if unit in ('N·m', 'N') else current_unit.replace('A', unit, 1)
     torque = ''
     # A force in N is that of a linear axis, whose N·m are N.
     if gain and unit not in ('N·m', 'N'):
@@ -62,19 +68,18 @@ def _row(friction: FrictionNumbers, key: str, remark: str) -> NumberRow:
     return NumberRow(name, *_texts(value, ends, own_unit), torque, remark)
 
 
-def _breakaway_rows(friction: FrictionNumbers) -> list[NumberRow]:
+def _breakaway_row(friction: FrictionNumbers) -> NumberRow:
+    """Return the row of breakaway, without what is held by a weight or an offset."""
     known, unit, gain = friction.breakaway, friction.unit, friction.torque_per_current
     if known is None:
-        return [NumberRow('breakaway', '–', '', '', _UNKNOWN)]
-    rows = []
-    for side, sign in (('positive', '+'), ('negative', '−')):
-        mean, spread = known[side]['mean'], known[side]['std']
-        ends = [mean - 2.0 * spread, mean + 2.0 * spread] if spread else None
-        torque = f'{number(gain * mean)} N·m' if gain and unit != 'N·m' else ''
-        rows.append(NumberRow(
-            f'breakaway {sign}', *_texts(mean, ends, unit), torque,
-            'interval of single trials' if spread else ''))
-    return rows
+        return NumberRow('breakaway', '–', '', '', _UNKNOWN)
+    value, sides = known['friction'], (known['positive'], known['negative'])
+    spread = math.hypot(*(side['std'] for side in sides))
+    ends = [value - spread, value + spread] if spread else None
+    return NumberRow(
+        'breakaway', *_texts(value, ends, unit),
+        f'{number(gain * value)} N·m' if gain and unit not in ('N·m', 'N') else '',
+        f'half of what lies between {number(sides[0]["mean"])} and {number(sides[1]["mean"])}')
 
 
 def _presliding_row(known: dict[str, float] | None) -> NumberRow:

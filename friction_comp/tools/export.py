@@ -3,59 +3,51 @@
 """The tool ``export``: writes a model's friction in a form that simulators and controllers read.
 
 Coulomb and viscous friction, offset and inertia are those that refine prints. Every file states in
-a comment, or an entry, what its form misses of the model in the recording's own motion, and how far
-a joint of MuJoCo with these numbers strays from the recording (if MuJoCo is installed).
+a comment, or an entry, what its form misses of the model in the recorded motion, and with a
+recording how far a joint of MuJoCo with these numbers strays from it.
 """
 
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import dataclass, replace
 import json
 import math
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
-import numpy as np
-
 from friction_comp import __version__
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, to_yaml, write_atomically
-from friction_comp.tools.common import Arguments, keep_inputs, positive, progress
-from friction_comp.tools.refine_arguments import layout_of, OF_TABLE
+from friction_comp.tools.common import Arguments, keep_inputs, positive
 from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.model.simulator_joint import Loss, SimulatorJoint
     from friction_comp.samples import Samples
 
 _FORMS = ('mujoco', 'urdf', 'sdf', 'csv', 'tanh', 'isaac', 'json')
-# Largest load of a table by default, N·m.
-_LOAD = 10.0
+# Largest load of a table by default, N·m, and the number of loads.
+_LOAD, _LOADS = 10.0, 9
 # Share of the torque below which what is missed is a rounding error.
 _NOTHING = 1e-6
-# Names of the numbers in each form; a form lacks those that it does not name.
-_KEYS = {
-    'mujoco': {'coulomb': 'frictionloss', 'viscous': 'damping', 'inertia': 'armature'},
-    'urdf': {'coulomb': 'friction', 'viscous': 'damping'},
-    'sdf': {'coulomb': 'friction', 'viscous': 'damping'},
-    'tanh': {'coulomb': 'Fc', 'viscous': 'Fv', 'offset': 'Fo'},
-    'isaac': {'static': 'static_friction', 'coulomb': 'dynamic_friction',
-              'viscous': 'viscous_friction', 'inertia': 'armature'},
-    'json': {name: name for name in ('coulomb', 'viscous', 'offset', 'static', 'transition',
-                                     'inertia', 'stiffness', 'rest')}}
+# Of the controller that holds a played joint near the recording, the natural frequency, Hz: higher
+# ones hide what lacks, lower ones let noise wander. Longest step and longest motion, s.
+_HOLD, _STEP, _LONGEST = 2.0, 1e-3, 60.0
 
 
 def main(argv: list[str] | None = None) -> int:
     """Write the file; returns 0."""
     parser = Arguments('export', __doc__, (
         'output/refined/model.yaml --to mujoco --output output/elbow.xml',
-        'unit1/model.yaml unit2/model.yaml --to isaac --output output/elbow.yaml',
+        'output/refined/model.yaml --to isaac --recording log.csv --output output/elbow.yaml',
         'output/refined/model.yaml --to csv --output output/friction.csv'))
-    parser.add_argument('models', metavar='MODEL', type=Path, nargs='+',
-                        help='model file; that of a population (refine --each) has ranges of '
-                        'further units; of several models, the means and the range over them')
+    parser.add_argument('model', metavar='MODEL', type=Path, help='model file; that of a '
+                        'population (refine --each) has ranges of further units')
     parser.add_argument('--to', choices=_FORMS, required=True,
                         help='mujoco, urdf, sdf: attributes of one joint; tanh: Fc, k, Fv, Fo; '
                         'isaac: static, dynamic and viscous friction, armature; json: all numbers '
@@ -66,114 +58,100 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--without-inertia', action='store_true',
                         help='leave out the inertia: it holds all links that moved, which a '
                         'simulator that has the links would count twice')
-    parser.add_argument('--top-speed', metavar='RAD/S', type=positive,
-                        help='speed up to which friction is a straight line; by default those of '
-                        'the recording, else the largest that identification measured, else 1')
     parser.add_argument('--load', metavar='N·M', type=positive,
                         help='largest load of the table, if friction depends on it (10)')
     parser.add_argument('--recording', metavar='FILE', type=Path,
-                        help='recording whose motion is played; by default the first that the '
-                        'model was refined from, if it is still there')
-    parser.add_argument('--columns', metavar='SIGNAL=COLUMN,…', help='columns of that recording, '
-                        'if it is a table; by default as refine read them')
-    parser.add_argument('--unit', metavar='SIGNAL=UNIT,…', help='units of its signals')
+                        help='recording to play with a joint of MuJoCo, read as the one that the '
+                        'model was refined from')
     parser.add_output_file('the file to write')
     arguments = parser.parse(argv)
-    keep_inputs(arguments.output, *arguments.models)
-    from friction_comp.model.arm_file import joints_of
+    keep_inputs(arguments.output, arguments.model, *[arguments.recording or arguments.model])
     from friction_comp.model.friction_model import FrictionModel
 
-    models = [FrictionModel.load(path, arguments.joint) for path in arguments.models]
-    if arguments.to == 'csv':
-        if arguments.joint and joints_of(read_yaml(arguments.models[0])) is None:
-            raise InputError('--joint is the name of the joint in the file: a table has none')
-        if len(models) > 1 or arguments.without_inertia:
-            raise InputError('--to csv takes one model, without --without-inertia')
-        return _write_table(arguments, models[0])
-    if arguments.load:
-        raise InputError('--load goes with --to csv: the other forms have no effect of the load')
-    joint = joint_of(arguments, models)
-    if arguments.to not in ('tanh', 'json'):
+    model = FrictionModel.load(arguments.model, arguments.joint)
+    form = arguments.to
+    for option, wrong in (('--load', arguments.load and form != 'csv'),
+                          ('--without-inertia', arguments.without_inertia and form == 'csv'),
+                          ('--recording', arguments.recording and form in ('csv', 'tanh'))):
+        if wrong:
+            raise InputError(f'{option} does not go with --to {form}')
+    with errors_name(arguments.model):
+        if arguments.to == 'csv':
+            return _write_table(arguments, model)
+        return _write_joint(arguments, model)
+
+
+def _write_joint(arguments: Namespace, model: FrictionModel) -> int:
+    from friction_comp.model.simulator_joint import KEYS, simulator_joint
+
+    form, joint = arguments.to, simulator_joint(model, arguments.to)
+    if form not in ('tanh', 'json'):
         joint = joint.passive()
-    name = arguments.joint or models[0].joint or 'joint'
-    with progress('playing'):
-        remarks = in_own_units(remarks_on(joint, arguments, models), joint.unit == 'N')
-    write_atomically(arguments.output, document(
-        arguments.to, name, joint, remarks, not arguments.without_inertia))
+    if arguments.without_inertia:
+        joint = replace(joint, inertia=None)
+    name = arguments.joint or model.joint or 'joint'
+    remarks = in_own_units(_remarks(joint, arguments, model), model.is_linear)
+    write_atomically(arguments.output, document(form, name, joint, remarks))
     print(f'{arguments.output}: {name}')
     for line in remarks[1:]:
         print(f'  {line}')
-    if joint.inertia and 'inertia' in _KEYS[arguments.to] and not arguments.without_inertia:
+    if joint.inertia and 'inertia' in KEYS[form]:
         print('  --without-inertia leaves out the inertia')
     return 0
 
 
 def _write_table(arguments: Namespace, model: FrictionModel) -> int:
+    import numpy as np
+
     from friction_comp.model.simulator_joint import (
         cautions_of,
         FrictionTable,
-        joint_friction_only,
         loss_of,
         simulator_joint,
     )
 
-    with errors_name(arguments.models[0]):
-        unit = simulator_joint(model).unit
-    load = arguments.load or _LOAD
-    table = FrictionTable.of(model, np.linspace(-load, load, 9), arguments.top_speed)
-    lines = [','.join(in_own_units(table.names, model.is_linear)), *(
-        ','.join(f'{value:.6g}' for value in row) for row in table.rows)]
-    motion, _, why_not = recorded_motion(arguments, model)
-    write_atomically(arguments.output, '\n'.join(lines) + '\n')
-    print(f'{arguments.output}: {len(table.rows)} rows')
-    for line in [_missed(loss_of(model, table, 'csv', motion), unit), *why_not]:
-        print(f'  {line}')
-    lines = [f'Not in it: {line}'
-             for line in joint_friction_only(model, ('acceleration', 'load'))[1]]
-    for line in [*lines, *cautions_of([model])]:
+    if arguments.joint and 'joints' not in read_yaml(arguments.model):
+        raise InputError('--joint is the name of the joint in the file: a table has none')
+    joint, load = simulator_joint(model, 'csv'), arguments.load or _LOAD
+    table = FrictionTable.of(model, np.linspace(-load, load, _LOADS))
+    rows = table.rows
+    write_atomically(arguments.output, '\n'.join([
+        ','.join(in_own_units(table.names, model.is_linear)),
+        *(','.join(f'{value:.6g}' for value in row) for row in rows)]) + '\n')
+    print(f'{arguments.output}: {len(rows)} rows')
+    for line in [_missed(loss_of(model, table, 'csv'), joint),
+                 *(f'Not in it: {line}' for line in joint.left_out), *cautions_of([model])]:
         print(f'  {in_own_units(line, model.is_linear)}')
     return 0
 
 
-def joint_of(arguments: Namespace, models: list[FrictionModel]) -> SimulatorJoint:
-    """Return the numbers of one model, or of several with the ranges over them."""
-    from friction_comp.model.simulator_joint import of_several, simulator_joint
-
-    joints = []
-    for path, model in zip(arguments.models, models):
-        with errors_name(path):
-            joints.append(simulator_joint(model, arguments.top_speed))
-    return of_several(joints)
-
-
-def remarks_on(joint: SimulatorJoint, arguments: Namespace, models: list[FrictionModel]
-               ) -> list[str]:
+def _remarks(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) -> list[str]:
     """Return lines on origin, values, ranges and losses of a form, and what speaks against it."""
     from friction_comp.model.friction_numbers import inertia_holds
-    from friction_comp.model.simulator_joint import cautions_of, loss_of
+    from friction_comp.model.simulator_joint import cautions_of, KEYS, loss_of
 
-    form, unit, model = arguments.to, joint.unit, models[0]
-    lines = [f'Friction of {", ".join(map(str, arguments.models))}, by friction_comp {__version__}',
-             f'Coulomb {joint.coulomb:.6g} {unit}, viscous {joint.viscous:.6g} '
-             f'{"N·s/m" if unit == "N" else "N·m·s/rad"}']
-    has_inertia = 'inertia' in _KEYS[form]
-    if has_inertia and joint.inertia and not arguments.without_inertia:
-        lines[-1] += f", inertia {joint.inertia:.6g} {'kg' if unit == 'N' else 'kg·m²'}"
-        lines.append(f'The inertia is of {inertia_holds(model)}')
-    elif has_inertia and not arguments.without_inertia:
-        lines.append('No inertia: the model has none')
+    form, unit = arguments.to, joint.unit
+    lines = [f'Friction of {arguments.model}, by friction_comp {__version__}',
+             f'Coulomb {joint.coulomb:.6g} {unit}, viscous {joint.viscous:.6g} {unit}·s/rad']
+    if 'inertia' in KEYS[form]:
+        if joint.inertia:
+            lines[-1] += f', inertia {joint.inertia:.6g} kg·m²'
+            lines.append(f'The inertia is of {inertia_holds(model)}')
+        elif not arguments.without_inertia:
+            lines.append('No inertia: the model has none')
+    lines.append(_missed(loss_of(model, joint, form), joint))
+    if arguments.recording:
+        lines.append(_played(joint, model, arguments))
     if form == 'isaac':
         lines.append(f'Static friction: {joint.static_is}')
-    for name, (low, high) in joint.ranges.items():
-        if key := _KEYS[form].get(name):
-            lines.append(f'Range for randomisation: {key} {low:.4g} to {high:.4g}')
+    lines += [f'Range for randomisation: {key} {low:.4g} to {high:.4g}'
+              for name, (low, high) in joint.ranges.items()
+              if (key := KEYS[form].get(name)) and getattr(joint, name) is not None]
     if joint.ranges_are:
         lines.append(f'Ranges: {joint.ranges_are}')
-    motion, torque, why_not = recorded_motion(arguments, model)
-    loss = loss_of(model, joint, form, motion)
-    lines += [_missed(loss, unit), *_played(joint, form, model, motion, torque), *why_not]
-    lines += [f'Not in it: {line}' for line in [*_lacking(joint, form), *joint.left_out]]
-    return lines + cautions_of(models)
+    lines += [*(f'Not in it: {line}' for line in joint.left_out), *cautions_of([model])]
+    # A name may hold what would end a comment.
+    return [' '.join(line.split()) for line in lines]
 
 
 def _percent(share: float) -> str:
@@ -181,91 +159,25 @@ def _percent(share: float) -> str:
     return f'{100.0 * share:.2g} %' if share < 0.995 else f'{100.0 * share:.0f} %'
 
 
-def _missed(loss: Loss, unit: str) -> str:
+def _missed(loss: Loss, joint: SimulatorJoint) -> str:
     if loss.share < _NOTHING:
-        return f'This form misses nothing of the model without the links, in {loss.motion}'
-    return (f'This form misses the model by {loss.torque:.3g} {unit} RMS, {_percent(loss.share)} '
-            f'of its torque without the links, in {loss.motion}')
+        return f'This form misses nothing of the model without the links, in {joint.motion}'
+    return (f'This form misses the model by {loss.torque:.3g} {joint.unit} RMS, '
+            f'{_percent(loss.share)} of its torque without the links, in {joint.motion}')
 
 
-def _lacking(joint: SimulatorJoint, form: str) -> list[str]:
-    lines = []
-    if form not in ('tanh', 'json') and abs(joint.offset) > 0.02 * abs(joint.coulomb):
-        lines.append(f'offset {joint.offset:.3g} {joint.unit}: no place for it in this form')
-    if form in ('urdf', 'sdf', 'tanh') and joint.inertia:
-        lines.append(f'inertia {joint.inertia:.6g} kg·m²: ' + (
-            'not in its formula' if form == 'tanh' else 'belongs to the links of this form'))
-    if form in ('urdf', 'isaac', 'tanh') and joint.stiffness:
-        lines.append(f'spring {joint.stiffness:.4g} {joint.unit}/rad at {joint.rest:.4g} rad')
-    return lines
-
-
-def _played(joint: SimulatorJoint, form: str, model: FrictionModel, motion: Samples | None,
-            torque: np.ndarray | None) -> list[str]:
-    """Return a line on how far a joint of MuJoCo strays from the recording, else from a swing."""
-    from friction_comp.model.simulator_play import play, swing
-
-    if form == 'tanh':
-        return []
-    what = 'recorded'
-    if motion is None or torque is None:
-        motion, torque, what = *swing(model), "model's"
-    played = play(joint, motion, torque)
-    if played is None:
-        return ['Not played in MuJoCo: it needs MuJoCo (pip install mujoco) and an inertia']
-    small = 'mm' if joint.unit == 'N' else 'mrad'
-    return [f'Played in MuJoCo with the {what} torque, the joint strays {1e3 * played.error:.3g} '
-            f'{small} RMS from its motion, {_percent(played.share)} of it; without friction '
-            f'{1e3 * played.frictionless:.3g} {small}']
-
-
-def recorded_motion(arguments: Namespace, model: FrictionModel
-                    ) -> tuple[Samples | None, np.ndarray | None, list[str]]:
-    """Return a recording's motion, the torque of its motor without links, and why there is none.
-
-    The recording is the one named, else the first that the model was refined from.
-    """
-    from friction_comp.model.simulator_joint import LINKS
-    from friction_comp.recordings import find_recordings, read_recording_with_info
-
-    named = arguments.recording
-    paths = [named] if named else [Path(path) for path in model.notes.get('refined_from', ())]
-    if not paths or not (named or paths[0].exists()):
-        return None, None, ['No recording is at hand: --recording plays one']
-    for name in OF_TABLE:
-        if getattr(arguments, name, None) is None:
-            setattr(arguments, name, None if named else model.notes.get(f'{name}_of_table'))
-    try:
-        (samples, _), = read_recording_with_info(
-            find_recordings(paths[:1])[0], model.joint or None, model.drive.torque_per_current,
-            layout=layout_of(arguments), others=model.arm is not None)
-        measured = model.measured(samples)
-        motion = model.differentiated(model.with_arm(samples))
-        for effect in model.effects:
-            # `model.measured` has added what the effect `load_torque` subtracts.
-            if effect.name in LINKS and (effect.name != 'load_torque' or samples.load is not None):
-                measured = measured - effect.current(motion)
-    except InputError as error:
-        if named:
-            raise
-        return None, None, [f'The recording was not played: {error}']
-    gain = model.torque_per(model.unit) or math.nan
-    return motion, gain * np.nan_to_num(measured), []
-
-
-def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
-             with_inertia: bool = True) -> str:
+def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
     """Return the text of a file."""
+    from friction_comp.model.simulator_joint import KEYS
+
     if form in ('mujoco', 'urdf', 'sdf'):
-        return _xml(form, name, joint, remarks, with_inertia)
-    keys = {number: key for number, key in _KEYS[form].items()
-            if with_inertia or number != 'inertia'}
-    numbers: dict[str, Any] = {key: value for number, key in keys.items()
+        return _xml(form, name, joint, remarks)
+    numbers: dict[str, Any] = {key: value for number, key in KEYS[form].items()
                                if (value := getattr(joint, number)) is not None}
     if form == 'tanh':
         numbers['k'] = 1.0 / joint.transition
-    ranges = {key: list(joint.ranges[number]) for number, key in keys.items()
-              if number in joint.ranges}
+    ranges = {key: list(joint.ranges[number]) for number, key in KEYS[form].items()
+              if number in joint.ranges and key in numbers}
     if form == 'json':
         return json.dumps(plain({
             'joint': name, 'unit': joint.unit, **numbers, 'range': ranges,
@@ -278,10 +190,15 @@ def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
     return f'{comment}\n{to_yaml({name: {**numbers, "range": ranges}})}'
 
 
-def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
-         with_inertia: bool) -> str:
-    from friction_comp.model.simulator_play import attributes
+def _attributes(joint: SimulatorJoint) -> str:
+    """Return the attributes of a joint in MJCF."""
+    inertia = f' armature="{joint.inertia:.9g}"' if joint.inertia else ''
+    spring = (f' stiffness="{joint.stiffness:.9g}" springref="{joint.rest:.9g}"'
+              if joint.stiffness else '')
+    return f'frictionloss="{joint.coulomb:.9g}" damping="{joint.viscous:.9g}"{inertia}{spring}'
 
+
+def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
     # Two consecutive hyphens would end an XML comment.
     remark = '\n'.join(f'  {line}' for line in remarks).replace('--', '- -')
     friction, damping = f'{joint.coulomb:.9g}', f'{joint.viscous:.9g}'
@@ -290,7 +207,7 @@ def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
     if form == 'mujoco':
         slide = 'type="slide" ' if linear else ''
         body = (f'<mujoco>\n  <compiler angle="radian"/>\n  <default>\n    <default '
-                f'class={quoteattr(name)}>\n      <joint {slide}{attributes(joint, with_inertia)}/>'
+                f'class={quoteattr(name)}>\n      <joint {slide}{_attributes(joint)}/>'
                 '\n    </default>\n  </default>\n</mujoco>\n')
     elif form == 'urdf':
         body = (f'<robot name={quoteattr(name)}>\n  <joint name={quoteattr(name)} type="{kind}">'
@@ -304,3 +221,107 @@ def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
                 f'<axis><dynamics><damping>{damping}</damping><friction>{friction}</friction>'
                 f'{spring}</dynamics></axis>\n  </joint>\n</sdf>\n')
     return f'<?xml version="1.0"?>\n<!--\n{remark}\n-->\n{body}'
+
+
+@dataclass(frozen=True)
+class Played:
+    """How far a simulated joint strays from a recording."""
+
+    error: float            # RMS of position, rad
+    share: float            # of the RMS of the recorded position about its mean
+    frictionless: float     # RMS of position of a joint without friction, rad
+
+
+def _played(joint: SimulatorJoint, model: FrictionModel, arguments: Namespace) -> str:
+    """Return a line on how far a joint of MuJoCo strays from a recording."""
+    played = play(joint, *recorded_motion(arguments.recording, model))
+    if played is None:
+        return 'Not played in MuJoCo: it needs MuJoCo (pip install mujoco) and an inertia'
+    small = 'mm' if joint.unit == 'N' else 'mrad'
+    return (f'Played in MuJoCo with the recorded torque, the joint strays {1e3 * played.error:.3g} '
+            f'{small} RMS from its motion, {_percent(played.share)} of it; without friction '
+            f'{1e3 * played.frictionless:.3g} {small}')
+
+
+def recorded_motion(path: Path, model: FrictionModel) -> tuple[Samples, np.ndarray]:
+    """Return a recording's motion, and the torque of its motor without the links, N·m, (N,)."""
+    import numpy as np
+
+    from friction_comp.model.friction_numbers import LINKS
+    from friction_comp.recordings import find_recording, read_recording_with_info
+    from friction_comp.tools.refine_arguments import layout_of, OF_TABLE
+
+    # Tables are read as refine read them.
+    layout = layout_of(Namespace(joint=None, **{
+        name: model.notes.get(f'{name}_of_table') for name in OF_TABLE}))
+    (samples, _), = read_recording_with_info(
+        find_recording(path), model.joint or None, model.drive.torque_per_current, layout=layout,
+        others=model.arm is not None)
+    measured, motion = model.measured(samples), model.differentiated(model.with_arm(samples))
+    for effect in model.effects:
+        # `model.measured` has added what the effect `load_torque` subtracts.
+        if effect.name in LINKS and (effect.name != 'load_torque' or samples.load is not None):
+            measured = measured - effect.current(motion)
+    return motion, (model.torque_per(model.unit) or math.nan) * np.nan_to_num(measured)
+
+
+def play(joint: SimulatorJoint, motion: Samples, torque: np.ndarray) -> Played | None:
+    """Play a motion with the torque of its motor, N·m, (N,); None without MuJoCo or an inertia.
+
+    A weak controller holds the joint near the recording, since the smallest error of a torque would
+    integrate to any distance. How far it strays tells what the joint lacks; a joint without
+    friction is the yardstick.
+    """
+    try:
+        import mujoco
+    except ModuleNotFoundError:
+        return None
+    import numpy as np
+
+    from friction_comp.statistics import rms
+
+    parts = _parts(motion)
+    if not joint.inertia or joint.inertia <= 0.0 or not parts:
+        return None
+    bare = replace(joint, coulomb=0.0, viscous=0.0)
+    error, frictionless = (rms(np.concatenate([
+        _stray(mujoco, one.passive(), motion, torque, part) for part in parts]))
+        for one in (joint, bare))
+    size = float(np.std(np.concatenate([motion.position[part] for part in parts])))
+    return Played(error, error / size if size else math.inf, frictionless)
+
+
+def _parts(motion: Samples) -> list[slice]:
+    parts, left = [], _LONGEST
+    for part in motion.segments():
+        time = motion.time[part]
+        count = int((time - time[0] < left).sum())
+        if count >= 10:
+            parts.append(slice(part.start, part.start + count))
+            left -= float(time[count - 1] - time[0])
+    return parts
+
+
+def _stray(mujoco: Any, joint: SimulatorJoint, motion: Samples, torque: np.ndarray, part: slice
+           ) -> np.ndarray:
+    """Return the distance of the simulated from the recorded joint at every step, rad."""
+    import numpy as np
+
+    step = motion.sample_time / max(1, math.ceil(motion.sample_time / _STEP))
+    # A tiny mass, since MuJoCo wants one beside the armature.
+    body = mujoco.MjModel.from_xml_string(
+        f'<mujoco><compiler angle="radian"/><option gravity="0 0 0" timestep="{step:.9g}" '
+        f'integrator="implicitfast"/><worldbody><body><joint name="joint" axis="0 0 1" '
+        f'{_attributes(joint)}/><geom size="0.01" mass="1e-9"/></body></worldbody></mujoco>')
+    data, inertia, frequency = mujoco.MjData(body), joint.inertia or 0.0, 2.0 * math.pi * _HOLD
+    stiffness, damping = inertia * frequency ** 2, 2.0 * inertia * frequency
+    time = np.arange(motion.time[part][0], motion.time[part][-1], step)
+    recorded = np.column_stack([np.interp(time, motion.time[part], values[part]) for values in (
+        motion.position, np.asarray(motion.velocity), torque)])
+    data.qpos[0], data.qvel[0] = recorded[0, :2]
+    strayed = np.empty(len(time))
+    for k, (q, v, u) in enumerate(recorded.tolist()):
+        strayed[k] = data.qpos[0] - q
+        data.qfrc_applied[0] = u + stiffness * (q - data.qpos[0]) + damping * (v - data.qvel[0])
+        mujoco.mj_step(body, data)
+    return strayed

@@ -51,9 +51,9 @@ class Effect(ABC):
     constants: dict[str, SearchRange | None] = {}
     # Meaning and unit of each coefficient; A stands for the unit of the recording.
     coefficient_names: tuple[tuple[str, str], ...] = ()
-    # One sentence and its formula in A, for `str.format` with the coefficients {A}, {B}, … and
-    # constants.
-    summary = equation = ''
+    # One sentence, its term of the model's formula in A, and what moves the state in that term, for
+    # `str.format` with the coefficients {A}, {B}, … and constants.
+    summary = equation = state_equation = ''
     # Physically possible sign of the first coefficients: 1, -1, or 0 for either.
     signs: tuple[int, ...] = ()
     # Effect of which it is another form: a model has one of them at most.
@@ -216,8 +216,12 @@ class Effect(ABC):
         return self.summary.format(**self._symbols()) or f'{self.name} ({self.variable})'
 
     def formula(self) -> str:
-        """Return the effect's formula with its numbers, in A."""
+        """Return the effect's term with its numbers, in A; see `friction_numbers.formula_of`."""
         return self.equation.format(**self._symbols()) or self.name
+
+    def state_formula(self) -> str:
+        """Return what moves the state that its term names, with its numbers; '' without one."""
+        return self.state_equation.format(**self._symbols())
 
     # Not to be overridden.
 
@@ -231,34 +235,26 @@ class Effect(ABC):
         return {**self.values, **dict(zip('ABCDEFGH', self.coefficients))}
 
     @classmethod
-    def matrix(cls, samples: Samples, constants: dict[str, float]) -> np.ndarray:
-        """Return the design matrix, shape (N, M), for `Samples` with velocity."""
+    def matrix(cls, samples: Samples, constants: dict[str, float], sliding: bool = False
+               ) -> np.ndarray:
+        """Return the design matrix, shape (N, M), for `Samples` with velocity.
+
+        If `sliding`, samples do not follow each other, and a memory is that of steady sliding.
+        """
         c = cls.Constants(**constants)
         sign: Any = 0.0
         if 'transition' in constants:
             sign = friction_sign(np.asarray(samples.velocity), c.transition)
+        memory = cls.start(sign, c) if sliding and cls.has_memory else cls.memory(samples, sign, c)
         x = Signals(samples.time, samples.position, samples.velocity, samples.acceleration,
-                    samples.load, samples.temperature, sign, cls.memory(samples, sign, c),
-                    samples.rigid_body, samples.coupling)
+                    samples.load, samples.temperature, sign, memory, samples.rigid_body,
+                    samples.coupling)
         columns = cls.columns(x, c)
         # Each column contiguous in memory, as solvers of coefficients need it.
         result = np.empty((len(columns), len(samples)))
         for index, column in enumerate(columns):
             result[index] = column
         return result.T
-
-    def of_states(self, position: Any, velocity: Any, acceleration: Any) -> Any:
-        """Return the current in A in states that do not follow each other, as in steady sliding."""
-        position, velocity, acceleration = (
-            np.clip(values, *self.valid_range[name]) if name in self.valid_range else values
-            for name, values in (('position', position), ('velocity', velocity),
-                                 ('acceleration', acceleration)))
-        c, transition = self.Constants(**self.values), self.values.get('transition')
-        sign = np.tanh(velocity / transition) if transition else 0.0 * velocity
-        memory = self.start(sign, c) if self.has_memory else 0.0
-        x = Signals(0.0, position, velocity, acceleration, sign=sign, memory=memory)
-        return sum(gain * column for gain, column in zip(
-            self.coefficients, self.columns(x, c), strict=True))
 
     def reads(self) -> set[str]:
         """Return the signals beside velocity and time of which its value depends on the value."""
@@ -276,12 +272,12 @@ class Effect(ABC):
             if getattr(samples, signal) is None:
                 raise InputError(f"effect '{cls.name}' needs {signal}, which is not recorded")
 
-    def current(self, samples: Samples) -> np.ndarray:
-        """Return the effect's current in A, shape (N,)."""
+    def current(self, samples: Samples, sliding: bool = False) -> np.ndarray:
+        """Return the effect's current in A, shape (N,); `sliding` as of `matrix`."""
         self.check_signals(samples)
         within = {name: np.clip(getattr(samples, name), *ends)
                   for name, ends in self.valid_range.items() if getattr(samples, name) is not None}
-        matrix = self.matrix(samples.with_(**within), self.values)
+        matrix = self.matrix(samples.with_(**within), self.values, sliding)
         if matrix.shape[1] != len(self.coefficients):
             raise InputError(f"effect '{self.name}' takes {matrix.shape[1]} coefficients, "
                              f'not {len(self.coefficients)}')

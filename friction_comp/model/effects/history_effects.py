@@ -85,7 +85,8 @@ class Hysteresis(Effect):
     fed_back_in_motion = True
     summary = ('Hysteresis: {A:.3g} A of friction reverse over {distance:.3g} rad after a '
                'reversal')
-    equation = '{A:+.4g}·z {B:+.4g}·dz/dt, dz/dq = (1 - z·sgn(v))^{exponent:.3g}/{distance:.3g}'
+    equation = '{A:+.5g}·z {B:+.5g}·dz/dt'
+    state_equation = 'dz/dq = (1 - z·sgn(v))^{exponent:.5g}/{distance:.5g}'
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
@@ -162,8 +163,9 @@ class Backlash(Effect):
     fed_back_in_motion = True
     summary = ('Backlash: {A:.3g} A of friction are absent over {gap:.3g} rad after a reversal, '
                'and return over {distance:.3g} rad')
-    equation = ('{A:+.4g}·z, z = sgn(u)·max(0, |u| - {gap:.3g}/2)/{distance:.3g}, '
-                'u moves with q up to |z| = 1')
+    equation = '{A:+.5g}·b'
+    state_equation = ('b = sgn(u)·max(0, |u| - {gap:.5g}/2)/{distance:.5g}, where u moves with q '
+                      'up to |b| = 1')
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
@@ -235,8 +237,9 @@ class RestTime(Effect):
     has_memory = True
     summary = ('Rest time: up to {A:+.3g} A more friction after resting (time constant '
                '{time_constant:.2g} s), lost over {distance:.2g} rad')
-    equation = ('{A:+.4g}·tanh(v/{transition:.3g})·(1 - exp(-t_rest/{time_constant:.3g}))'
-                '·exp(-Δq/{distance:.3g})')
+    equation = '{A:+.5g}·tanh(v/{transition:.5g})·r'
+    state_equation = ('r grows at rest to 1 - exp(-t/{time_constant:.5g}) and fades in motion with '
+                      'exp(-|Δq|/{distance:.5g})')
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
@@ -287,8 +290,8 @@ class Temperature(Effect):
     constants = {'reference_temperature': None, 'transition': None}
     summary = ('Temperature: per kelvin Coulomb friction changes by {A:+.3g} A and viscous '
                'friction by {B:+.3g} A per rad/s')
-    equation = ('({A:+.4g}·s {B:+.4g}·v {C:+.4g}·s²)·(T - {reference_temperature:.3g}), '
-                's = tanh(v/{transition:.3g})')
+    equation = ('+({A:+.5g}·tanh(v/{transition:.5g}) {B:+.5g}·v '
+                '{C:+.5g}·tanh(v/{transition:.5g})^2)·(T - {reference_temperature:.5g})')
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
@@ -320,7 +323,7 @@ class OffsetDrift(Effect):
     constants: dict[str, SearchRange | None] = {'time_constant': SearchRange(
         1.7, limits=lambda coverage, _: (0.02 * coverage.duration, 5.0 * coverage.duration))}
     summary = 'Offset drift: {A:+.3g} A at the start, fading with {time_constant:.3g} s'
-    equation = '{A:+.4g}·exp(-t/{time_constant:.4g})'
+    equation = '{A:+.5g}·exp(-t/{time_constant:.5g})'
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
@@ -356,8 +359,8 @@ class WarmUp(OffsetDrift):
     constants = {**OffsetDrift.constants, 'transition': None}
     summary = ('Warm-up: {A:+.3g} A of Coulomb and {B:+.3g} A per rad/s of viscous friction at the '
                'start, fading with {time_constant:.3g} s')
-    equation = ('({A:+.4g}·s {B:+.4g}·v {C:+.4g}·s²)·exp(-t/{time_constant:.4g}), '
-                's = tanh(v/{transition:.3g})')
+    equation = ('+({A:+.5g}·tanh(v/{transition:.5g}) {B:+.5g}·v '
+                '{C:+.5g}·tanh(v/{transition:.5g})^2)·exp(-t/{time_constant:.5g})')
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:

@@ -137,9 +137,9 @@ class Cogging(Effect):
     def formula(self) -> str:
         a, b = self.coefficients
         k = self.values['frequency']
-        grown = (f'·(|v|/{self.values["speed"]:.3g})^{self.values["growth"]:g}'
+        grown = (f'·(|v|/{self.values["speed"]:.5g})^{self.values["growth"]:g}'
                  if self.values['growth'] else '')
-        return f'({a:+.4g}·cos({k:.6g}·q) {b:+.4g}·sin({k:.6g}·q)){grown}'
+        return f'+({a:+.5g}·cos({k:.7g}·q) {b:+.5g}·sin({k:.7g}·q)){grown}'
 
 
 class FrictionRipple(Cogging):
@@ -156,7 +156,7 @@ class FrictionRipple(Cogging):
         return (amplitude * np.cos(phase), amplitude * np.sin(phase))
 
     def formula(self) -> str:
-        return f'{super().formula()}·tanh(v/{self.values["transition"]:.3g})'
+        return f'{super().formula()}·tanh(v/{self.values["transition"]:.5g})'
 
 
 class Bump(Effect):
@@ -241,6 +241,6 @@ class Bump(Effect):
 
     def formula(self) -> str:
         c = self.values
-        sign = f'·tanh(v/{c["transition"]:.3g})' if c['directional'] else ''
-        return (f'{self.coefficients[0]:+.4g}·exp(-½·(|q - {c["position"]:.4g}|'
-                f'/{c["width"]:.3g})^{c["exponent"]:.3g}){sign}')
+        sign = f'·tanh(v/{c["transition"]:.5g})' if c['directional'] else ''
+        return (f'{self.coefficients[0]:+.5g}·exp(-0.5·(|q {-c["position"]:+.6g}|'
+                f'/{c["width"]:.5g})^{c["exponent"]:.5g}){sign}')

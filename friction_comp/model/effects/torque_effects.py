@@ -35,7 +35,7 @@ class Gravity(Effect):
     role = CARRIES
     in_first_model = weight = gives_load = True
     range_margins = {'position': math.inf}
-    equation = '{A:+.4g}·cos(q) {B:+.4g}·sin(q)'
+    equation = '{A:+.5g}·cos(q) {B:+.5g}·sin(q)'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -109,7 +109,7 @@ class Spring(Effect):
                 'positions like the recorded ones.')
 
     def formula(self) -> str:
-        return f'{self.coefficients[0]:+.4g}·(q {-self.values["position"]:+.4g})'
+        return f'{self.coefficients[0]:+.5g}·(q {-self.values["position"]:+.5g})'
 
 
 class Inertia(Effect):
@@ -126,7 +126,7 @@ class Inertia(Effect):
         'acceleration from the encoder is too late and too noisy: fed back it would lower the '
         'apparent inertia and can destabilise the joint')
     summary = 'Inertia: {A:.4g} A per rad/s²'
-    equation = '{A:+.4g}·dv/dt'
+    equation = '{A:+.5g}·dv/dt'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -153,7 +153,7 @@ class RigidBody(Effect):
     in_first_model = weight = True
     summary = ('Weight and inertia of the whole arm: {A:.4g} A per N·m of torque that its links '
                'need at the joint')
-    equation = '{A:+.4g}·τ_links'
+    equation = '{A:+.5g}·τ_links'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -171,7 +171,7 @@ class OtherJoints(Effect):
     weight = True
     summary = ('Other joints: weight and inertia that act on this joint through them, as a sum of '
                'terms found in the recording, times {A:.4g}')
-    equation = '{A:+.4g}·i_other_joints'
+    equation = '{A:+.5g}·i_other_joints'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -191,7 +191,7 @@ class LoadTorque(Effect):
         'feeding the measured interaction torque back is admittance control, which this '
         'compensator is not: the torque sensor is for evaluation only')
     summary = 'Load: {A:+.4g} A per N·m of measured back-driving torque'
-    equation = '{A:+.4g}·τ_b'
+    equation = '{A:+.5g}·τ_b'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -215,7 +215,7 @@ class LoadFriction(Effect):
     constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.3, 3.0)), 'transition': None}
     summary = ('Load-dependent friction: {A:+.4g} A at 1 N·m of load, growing with its power '
                '{exponent:.3g}')
-    equation = '{A:+.4g}·tanh(v/{transition:.3g})·|τ_b|^{exponent:.3g}'
+    equation = '{A:+.5g}·tanh(v/{transition:.5g})·|τ_b|^{exponent:.5g}'
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
@@ -235,7 +235,7 @@ class CarriedLoadFriction(LoadFriction):
     constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.5, 3.0)), 'transition': None}
     summary = ('Load-dependent friction: {A:+.4g} A at 1 N·m that the links need at the joint, '
                'growing with its power {exponent:.3g}')
-    equation = '{A:+.4g}·tanh(v/{transition:.3g})·|τ_links|^{exponent:.3g}'
+    equation = '{A:+.5g}·tanh(v/{transition:.5g})·|τ_links|^{exponent:.5g}'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -304,10 +304,9 @@ class InnerLoadFriction(Effect):
 
     def formula(self) -> str:
         c = self.values
-        load = (f'{c["cosine"]:+.4g}·cos(q) {c["sine"]:+.4g}·sin(q) {c["slope"]:+.4g}·q '
-                f'{c["offset"]:+.4g}')
-        if c['with_inertia']:
-            load += f' {c["inertia"]:+.4g}·dv/dt'
-        fade = f'·exp(-|v|/{c["velocity"]:.3g})' if c['fading'] else ''
-        return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})·|{load}|'
+        parts = {'cosine': '·cos(q)', 'sine': '·sin(q)', 'slope': '·q', 'offset': '',
+                 **({'inertia': '·dv/dt'} if c['with_inertia'] else {})}
+        load = ' '.join(f'{c[name]:+.5g}{of}' for name, of in parts.items() if c[name]) or '0'
+        fade = f'·exp(-|v|/{c["velocity"]:.5g})' if c['fading'] else ''
+        return (f'{self.coefficients[0]:+.5g}·tanh(v/{c["transition"]:.5g})·|{load}|'
                 f'^{c["exponent"]:g}{fade}')

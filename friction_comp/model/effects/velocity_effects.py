@@ -29,7 +29,7 @@ class Stribeck(Effect):
     # Near the top speed it would be curved viscous friction; near standstill it cannot be seen.
     constants = {'velocity': SearchRange(1.6, limits=lambda coverage, _: (
         0.5 * coverage.slowest, 0.7 * coverage.speed)), 'exponent': None, 'transition': None}
-    equation = '{A:+.4g}·tanh(v/{transition:.3g})·exp(-(|v|/{velocity:.3g})^{exponent:g})'
+    equation = '{A:+.5g}·tanh(v/{transition:.5g})·exp(-(|v|/{velocity:.5g})^{exponent:.5g})'
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
@@ -108,10 +108,10 @@ class ViscousShape(Effect):
 
     def formula(self) -> str:
         c = self.values
-        exponent, speed = c['exponent'], f'|v|/{c["reference"]:.3g}'
+        exponent, speed = c['exponent'], f'|v|/{c["reference"]:.5g}'
         slope = 6.0 * exponent / ((exponent + 1.0) * (exponent + 2.0))
-        return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})'
-                f'·(({speed})^{exponent:.3g} - {slope:.3g}·{speed})')
+        return (f'{self.coefficients[0]:+.5g}·tanh(v/{c["transition"]:.5g})'
+                f'·(({speed})^{exponent:.5g} - {slope:.5g}·{speed})')
 
 
 class DirectionAsymmetry(Effect):
@@ -154,5 +154,5 @@ class DirectionAsymmetry(Effect):
 
     def formula(self) -> str:
         a, b = self.coefficients
-        shape = '' if self.values['offset'] else f'·tanh²(v/{self.values["transition"]:.3g})'
-        return f'{a:+.4g}{shape} {b:+.4g}·|v|'
+        shape = '' if self.values['offset'] else f'·tanh(v/{self.values["transition"]:.5g})^2'
+        return f'{a:+.5g}{shape} {b:+.5g}·|v|'
