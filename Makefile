@@ -92,7 +92,7 @@ docs: setup
 	@echo build/docs/index.html
 
 bench: setup
-	@set -e; for file in bench/speed.py bench/many_recordings.py bench/watch_cost.py; do \
+	@set -e; for file in bench/speed.py bench/many_recordings.py; do \
 		echo "$$file"; $(BIN)/python "$$file"; done
 
 bench-full: setup

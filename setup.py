@@ -18,7 +18,7 @@ import interfaces  # noqa: E402 - stands in the folder just added
 NAMES = (
     'plant', 'identification', 'compensator', 'exercise', 'direction', 'recorder', 'refinement',
     'demo', 'reproduce', 'evaluate', 'refine', 'predict', 'convert', 'export', 'excite', 'play',
-    'teach', 'watch', 'doctor',
+    'teach', 'doctor',
 )
 # pip puts scripts into the environment's bin/, where such plain names would be in the way; colcon
 # puts them into lib/friction_comp/, where `ros2 run` looks for them (setup.cfg).
@@ -80,11 +80,11 @@ setup(
     # ROS 2 itself is not listed: it is sourced, or its wheels are in requirements/ros.txt.
     install_requires=interfaces.listed(ROOT / 'requirements' / 'run.txt'),
     # colcon runs the tests with pytest where it finds it asked for here.
-    # Pinocchio reads URDF files for `refine --urdf`, Bokeh makes the page of `watch`, pyarrow reads
-    # Parquet files, h5py HDF5 files, Dask's distributed spreads `refine --each` over machines.
+    # Pinocchio reads URDF files for `refine --urdf`, pyarrow reads Parquet
+    # files, h5py HDF5 files, Dask's distributed spreads `refine --each` over machines.
     extras_require={'parquet': ['pyarrow>=12'], 'hdf5': ['h5py>=3.8'],
                     'arm': ['pin>=2.7'], 'mujoco': ['mujoco>=3.1'],
-                    'watch': ['bokeh>=3.1'], 'fleet': ['distributed>=2023.5'],
+                    'fleet': ['distributed>=2023.5'],
                     'test': ['pytest']},
     zip_safe=False,
     author='The friction_comp authors',

@@ -34,7 +34,6 @@ TOOLS = {
     'reproduce': "repeats the technical note's experiments in simulation",
     'evaluate': 'computes the back-driving torque of recorded movements',
     'refine': 'finds in recordings the effects that a model lacks',
-    'watch': 'serves a live page of the running system, or of a recording',
     'doctor': 'checks what is installed and running, and says what to do',
     'convert': 'converts a recording into a CSV, Parquet or npz table, and back',
     'export': "writes a model's friction for MuJoCo, URDF or SDF, or as a table",

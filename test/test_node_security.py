@@ -3,7 +3,7 @@
 """The SROS 2 policy grants each node the rights that it uses, and no others."""
 
 from collections import defaultdict
-from contextlib import closing, ExitStack
+from contextlib import ExitStack
 from pathlib import Path
 from xml.dom import minidom
 from xml.etree import ElementTree
@@ -84,7 +84,7 @@ def test_only_few_nodes_may_command_a_current_or_announce_a_direction():
                 if has['publish'] & {'/direction', '/direction_stamped'}}
     assert planners == {'exercise', 'direction'}
     listeners = {node for node, has in table.items() if '/interaction_wrench' in has['subscribe']}
-    assert listeners == {'recorder', 'refinement', 'friction_comp_watch', 'friction_comp_doctor'}
+    assert listeners == {'recorder', 'refinement', 'friction_comp_doctor'}
     assert not listeners & (commanders | planners), 'the torque sensor is for evaluation only'
     assert '/compensator/set_parameters' in table['refinement']['request']
     assert actions('operator', 'call') == {
@@ -97,7 +97,6 @@ def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
     from node_process import Process
     from ros_system import MODELS, own_domain, probe_node
 
-    from friction_comp.ros.live_feed import LiveFeed
     one = {'joints': ['elbow'], 'model_files': MODELS[:1]}
     # What they use does not depend on how much of it.
     starts = {'plant': {**one, 'sample_time': 0.01}, 'compensator': one, 'identification': one,
@@ -109,8 +108,7 @@ def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
         for name, parameters in starts.items():
             nodes.enter_context(Process(tmp_path / 'logs', name, parameters))
         nodes.enter_context(Process(tmp_path / 'logs', 'doctor', arguments=('--seconds', '600')))
-        nodes.enter_context(closing(LiveFeed([], [], [])))
-        for name in (*starts, 'friction_comp_watch', 'friction_comp_doctor'):
+        for name in (*starts, 'friction_comp_doctor'):
             allowed = {kind: names for kind, names in rights()[name].items() if names}
             questions = {
                 'publish': probe.get_publisher_names_and_types_by_node,

@@ -102,8 +102,8 @@ def test_package_xml_names_what_the_modules_import():
     for path in MODULES + LAUNCH_FILES:
         for name in imported(path) - set(sys.stdlib_module_names):
             # Optional ones are extras for pip, dependencies of the tests for rosdep.
-            if name not in ('friction_comp', INTERFACES, 'pinocchio', 'bokeh', 'pyarrow',
-                            'h5py', 'mujoco', 'distributed'):
+            if name not in ('friction_comp', INTERFACES, 'pinocchio', 'pyarrow', 'h5py',
+                             'mujoco', 'distributed'):
                 needed.add(ROSDEP_KEYS.get(name, name))
     assert needed - declared == set()
 

@@ -31,7 +31,7 @@ _STATE_TIMEOUT, _DIRECTION_TIMEOUT = 0.05, 0.5
 # Joint state rate below which friction cannot be fed forward well, Hz.
 _SLOW = 200.0
 # Nodes that subscribe to commands without driving a motor.
-_OBSERVERS = ('recorder', 'refinement', 'watch', 'doctor')
+_OBSERVERS = ('recorder', 'refinement', 'doctor')
 # Fewest blocks of motion to check sign and unit of velocity, largest ratio of velocity and rate of
 # position, and fewest samples in motion.
 _FEWEST_BLOCKS, _LARGEST_RATIO, _FEWEST_SAMPLES = 5, 1.25, 50

@@ -24,7 +24,7 @@ SCENES = {
 
 def main(argv: list[str] | None = None) -> int:
     """Run one scene of the demo and write its report; returns 0."""
-    parser = Arguments('demo', __doc__, ('--watch', '--scene two_joints'))
+    parser = Arguments('demo', __doc__, ('', '--scene two_joints'))
     parser.add_argument('--output', metavar='DIR', type=Path, default=Path('friction_comp_demo'),
                         help='folder for models, recordings and the report (%(default)s)')
     parser.add_argument('--repetitions', metavar='N', type=whole_number(), default=3,
@@ -35,8 +35,6 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--scene', choices=SCENES, default='loop',
                         help='; '.join(f'{name}: {words}' for name, words in SCENES.items())
                         + ' (%(default)s)')
-    parser.add_argument('--watch', action='store_true',
-                        help='also serve a live page on localhost (needs Bokeh)')
     arguments = parser.parse(argv)
     check_folder(arguments.output)
     with private_domain():

@@ -11,8 +11,6 @@ import math
 import os
 from pathlib import Path
 import shutil
-import subprocess
-import sys
 import time
 from typing import Any
 
@@ -145,29 +143,7 @@ def open_system(arguments: Namespace) -> Iterator[DemoSystem]:
     with only_user(output):
         clear_results(output)
         with Nodes(output / 'logs') as nodes, ToolClient(nodes.check) as ros:
-            page = _open_page(output) if arguments.watch else None
-            try:
-                yield DemoSystem(arguments, nodes, ros)
-            finally:
-                if page is not None:
-                    page.terminate()
-                    page.wait()
-
-
-def _open_page(output: Path) -> subprocess.Popen[str]:
-    path = output / 'logs' / 'watch.log'
-    with path.open('w') as log:
-        page = subprocess.Popen(
-            [sys.executable, '-m', 'friction_comp', 'watch', '--port', '0'],
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=log, text=True,
-            start_new_session=True)
-    assert page.stdout is not None
-    line = page.stdout.readline()
-    if not line:
-        page.wait()
-        raise InputError(path.read_text().strip() or 'the live page does not start')
-    Console(highlight=False).print(f'watch it: {line.split()[0]}', soft_wrap=True)
-    return page
+            yield DemoSystem(arguments, nodes, ros)
 
 
 def clear_results(output: Path) -> None:

@@ -38,7 +38,6 @@ _PACKAGES = (
     ('zstandard', 'zstandard', '', False),
     ('pinocchio', 'pin', 'refine --urdf', True),
     ('mujoco', 'mujoco', 'plant with engine mujoco, and demo --scene arm', True),
-    ('bokeh', 'bokeh', 'watch', True),
     ('pyarrow', 'pyarrow', 'Parquet files', True),
     ('h5py', 'h5py', 'HDF5 files', True))
 _ROS = ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'diagnostic_msgs', 'lifecycle_msgs')
