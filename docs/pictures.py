@@ -10,12 +10,9 @@ import numpy as np
 from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.direction.sensed_direction import SensedDirection
-from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
-from friction_comp.reports.evaluation_report import scenes_of
 from friction_comp.reports.figures import curve, new_figure, styled, to_file, to_svg
-from friction_comp.reports.moving_joint import moving_picture
 from friction_comp.simulation.cheap_sensors import CheapForce
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -105,12 +102,6 @@ def first():
     return figure
 
 
-def moving():
-    """Return README's first picture, a joint that moves, as SVG."""
-    evaluation, = evaluate_recordings([ROOT / 'examples' / 'elbow'])
-    return moving_picture(scenes_of(evaluation))
-
-
 @styled
 def sources():
     """Return a movement, and when each source announces its direction."""
@@ -143,7 +134,6 @@ def sources():
 PICTURES = {
     'first': lambda: to_file(
         first(), 'Measured and predicted torque of examples/log.csv', DESCRIPTION),
-    'moving': moving,
     'sources': lambda: to_svg(sources())}
 
 if __name__ == '__main__':

@@ -16,7 +16,6 @@ from friction_comp.refinement.result import FoundEffect, RefineResult
 from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import band, COLOURS, curve, new_figure, styled
 from friction_comp.reports.html import Report
-from friction_comp.reports.moving_joint import moving_joint, MovingScene
 from friction_comp.reports.refinement_figures import residual_figure
 from friction_comp.reports.refinement_report import effect_names, formula, limitations, model_words
 from friction_comp.samples import Samples
@@ -81,15 +80,6 @@ def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
     return figure
 
 
-def trial_scenes(trials: list[EvaluatedTrial]) -> list[MovingScene]:
-    """Return the animated movements: no help, direction known, refined model."""
-    shown = ((trials[0], 'No help', 'grey'), (trials[2], 'Direction known', 'blue'),
-             (trials[3], 'Refined model', 'green'))
-    return [MovingScene(title, c.time, c.position, c.torque, colour)
-            for trial, title, colour in shown for c in trial.evaluation.conditions
-            if c.movement == 'positive']
-
-
 @styled
 def identification_figure(model: FrictionModel) -> Figure:
     """Draw look-up table, fitted curve and breakaway currents."""
@@ -128,10 +118,6 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
         (f'{compensated.peak} N·m', 'with the direction known (d = ±1)'),
         (f'{last.peak} N·m', 'with the refined model as well'),
         (f'{number(1e3 * before)} → {number(1e3 * after)} mA', 'model error, by refinement')])
-    page.movie(
-        moving_joint(trial_scenes(trials)),
-        'Mean motion of the joint in the positive direction. The orange arrow is the torque that '
-        'the person applies; the curve below shows it over time.')
     page.table(
         ['', 'peak (N·m)', '±', 'RMS (N·m)', '±', 'model error (mA)'],
         [[name, peak, number(trial.half_interval('peak_torque'), 2), rms,

@@ -11,7 +11,6 @@ from scipy.signal import butter, sosfiltfilt
 from friction_comp.number_text import number
 from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import Report
-from friction_comp.reports.moving_joint import moving_joint, MovingScene
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -56,13 +55,6 @@ class HandTrial:
         """Return the share of friction's part in the RMS torque that is removed."""
         return (bare.rms - self.rms) / (bare.rms - inertia)
 
-    def scene(self, colour: str, count: int) -> MovingScene:
-        """Return the animation of `count` movements."""
-        first = self.movements[1 if count > 1 else 0][0].start
-        part = slice(first, self.movements[count if count > 1 else 0][0].stop)
-        return MovingScene(self.title, self.time[part] - self.time[first], self.position[part],
-                           self.torque[part], colour)
-
 
 def to_and_fro_report(trials: dict[str, HandTrial], inertia: float) -> Report:
     """Return the report; trials without help first, `inertia` is the RMS without friction, N·m."""
@@ -72,9 +64,6 @@ def to_and_fro_report(trials: dict[str, HandTrial], inertia: float) -> Report:
     page.verdict(f'Without help the hand gives **{number(bare.rms)} N·m** (RMS), where a joint '
                  f'without friction would take {number(inertia)} N·m. ' + '; '.join(
                      f'{one.title}: **{number(one.rms)} N·m**' for one in others) + '.')
-    page.movie(moving_joint([one.scene(colour, 2) for one, colour in zip(
-        trials.values(), _HAND_COLOURS)]), 'One movement to and fro. The orange arrow is the '
-        'torque that the hand applies; the curve below shows it over time.')
     page.figure(loops_figure(trials), 'Torque of the hand over the angle, all movements. The area '
                 'is the work that friction takes from the hand.')
     page.table(['', 'RMS (N·m)', 'of friction removed'],

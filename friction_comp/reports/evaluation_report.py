@@ -17,7 +17,6 @@ from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.reports import evaluation_words as words
 from friction_comp.reports.figures import band, COLOURS, INK, legend_below, new_figure, styled
 from friction_comp.reports.html import Report
-from friction_comp.reports.moving_joint import moving_joint, MovingScene
 
 _MOST_COMPARISONS, _MOST_TILES, _MOST_RECORDINGS = 24, 5, 12
 # Titles of the tables of conditions, and the measures in each; unknown ones are omitted.
@@ -101,32 +100,10 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
     return figure
 
 
-def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
-    """Return the mean movement without and with the direction announced, where torque is larger."""
-    pair, colours = evaluation.pair() or (), _colours(evaluation)
-    measured = {(c.compensation, c.movement): c for c in evaluation.conditions
-                if np.isfinite(c.torque).any()}
-    both = [[measured[condition, movement] for condition in pair]
-            for movement in ('positive', 'negative')
-            if pair and all((condition, movement) in measured for condition in pair)]
-    largest = max(both, default=[], key=lambda own: max(c.mean_of('peak_torque') for c in own))
-    return [MovingScene(title, c.time, c.position, c.torque, colours[c.compensation],
-                        c.mean_of('peak_torque'))
-            for title, c in zip(words.plain_names(pair) if pair else (), largest)]
-
-
 def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -> None:
     """Add an evaluation to a report below its verdict; `part` if it is one of several."""
     level = 3 if part else 2
     simple = bool(words.plain_verdict(evaluation))
-    scenes = scenes_of(evaluation) if simple else []
-    if scenes:
-        report.movie(
-            moving_joint(scenes),
-            'Mean motion of the joint in the direction that needed the larger torque, at the speed '
-            'of the recording. The orange arrow is the torque that the person applies; the curve '
-            'below shows it over time. Peaks are means over the repetitions, here those of this '
-            'direction, in the boxes below those of both.')
     tiles = words.plain_tiles(evaluation) if simple else _tiles(evaluation)
     if tiles:
         report.numbers(tiles)

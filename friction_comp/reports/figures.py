@@ -6,9 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from html import escape
 import io
-import json
 import re
 from typing import Any, ParamSpec, TypeVar
 
@@ -173,23 +171,13 @@ def to_file(figure: Figure, title: str, description: str) -> str:
 
 
 def for_page(figure: Figure) -> tuple[str, str]:
-    """Return a figure as SVG for a page, and a note on curves that are thinned out.
-
-    The attribute ``data-panels`` tells the page's script, `curves.js`, what the axes show.
-    """
-    panels, longest = [axes for axes in figure.axes if axes.axison], 0
-    for k, axes in enumerate(panels):
-        axes.set_gid(f'panel-{k}')
-        for j, line in enumerate(_curves(axes)):
-            line.set_gid(f'curve-{k}-{j}')
-            longest = max(longest, _lighten(line))
-    text = to_svg(figure)
-    described = escape(json.dumps([_panel(axes) for axes in panels], ensure_ascii=False))
+    """Return a figure as SVG for a page, and a note on curves that are thinned out."""
+    longest = max((_lighten(line) for axes in figure.axes for line in _curves(axes)), default=0)
     # A thousandth of a point is finer than any screen.
-    text = re.sub(r'([ML] -?\d+\.\d{3})\d*( -?\d+\.\d{3})\d*', r'\1\2', text)
+    text = re.sub(r'([ML] -?\d+\.\d{3})\d*( -?\d+\.\d{3})\d*', r'\1\2', to_svg(figure))
     note = (f' Curves have up to {longest} points: the lowest and highest of each of {_STRETCHES} '
             'stretches are drawn.') if longest > 2 * _STRETCHES else ''
-    return text.replace('<svg ', f'<svg data-panels="{described}" ', 1), note
+    return text, note
 
 
 def _curves(axes: Axes) -> list[Line2D]:
@@ -205,26 +193,3 @@ def _lighten(line: Line2D) -> int:
         return 0
     line.set_data(*thin_extremes(*points.T))
     return len(points)
-
-
-def _panel(axes: Axes) -> dict[str, Any]:
-    """Return the place of axes in the drawing, their scales, and the names of their curves."""
-    figure: Any = axes.get_figure()
-    width, height = 72.0 * figure.get_size_inches()
-    place = axes.get_position()
-    names = [str(line.get_label()) for line in _curves(axes)]
-    return {
-        'box': [place.x0 * width, (1.0 - place.y1) * height, place.width * width,
-                place.height * height],
-        'scales': [_scale(axes, figure.axes, name) for name in ('x', 'y')],
-        'names': ['' if name.startswith('_') else name for name in names]}
-
-
-def _scale(axes: Axes, panels: list[Axes], name: str) -> dict[str, Any]:
-    """Return limits and label of an axis, and the first of the panels that share it."""
-    shared: Any = getattr(axes, f'get_shared_{name}_axes')()
-    together = [one for one in panels if one is axes or shared.joined(axes, one)]
-    labels = [getattr(one, f'get_{name}label')() for one in (axes, *together)]
-    return {'limits': [float(end) for end in getattr(axes, f'get_{name}lim')()],
-            'log': getattr(axes, f'get_{name}scale')() == 'log',
-            'label': next(filter(None, labels), ''), 'group': panels.index(together[0])}

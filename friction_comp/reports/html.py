@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Builds a report as one self-contained HTML file, which can be read without scripts."""
+"""Builds a report as one self-contained HTML file without scripts."""
 
 from __future__ import annotations
 
@@ -67,7 +67,6 @@ class Report:
         self._parts: list[str] = []
         self._sections: list[str] = []
         self._origin: list[str] = []
-        self._scripts: dict[str, str] = {}
 
     def heading(self, text: str, level: int = 2) -> None:
         """Begin a section (level 2), which the page's head links to, or a subsection (level 3)."""
@@ -131,24 +130,10 @@ class Report:
         # Ids must be unique among all drawings of the page.
         drawing = re.sub(r'( id="|href="#|url\(#)', rf'\g<1>f{self._figures + 1}-', drawing)
         drawing = drawing.replace('<svg ', f'<svg role="img" aria-label="{_plain(caption)}" ', 1)
-        self._add_script('curves')
-        self._add_figure('', drawing, caption + note)
-
-    def movie(self, drawings: Sequence[str], caption: str) -> None:
-        """Add animated SVG drawings, shown side by side where there is room."""
-        self._add_script('moving')
-        self._add_figure(' class="movie"', f'<div class="scenes">{"".join(drawings)}</div>'
-                         '<button type="button" hidden>Pause</button>', caption)
-
-    def _add_script(self, name: str) -> None:
-        text = Path(__file__).with_name(f'{name}.js').read_text(encoding='utf-8')
-        self._scripts[name] = f'<script type="module">\n{text}</script>'
-
-    def _add_figure(self, kind: str, content: str, caption: str) -> None:
         self._figures += 1
         self._parts.append(
-            f'<figure{kind}>{content}<figcaption><b>Figure {self._figures}.</b> {_inline(caption)}'
-            '</figcaption></figure>')
+            f'<figure>{drawing}<figcaption><b>Figure {self._figures}.</b> '
+            f'{_inline(caption + note)}</figcaption></figure>')
 
     def made_by(self, *lines: str) -> None:
         """Add the origin of the page to its footer: command, recordings and models."""
@@ -168,7 +153,6 @@ class Report:
         when = datetime.now().astimezone().strftime('%Y-%m-%d %H:%M %Z')
         footer = '<br>'.join([f'Made by friction_comp {__version__} on {when}.',
                               *map(_inline, self._origin)])
-        scripts = '\n'.join(self._scripts.values())
         parts = in_own_units('\n'.join(self._parts), self._linear)
         return f"""<!DOCTYPE html>
 <html lang="en">
@@ -178,7 +162,6 @@ class Report:
 <title>{_plain(self.title)}</title>
 <style>
 {style}</style>
-{scripts}
 </head>
 <body>
 <main>
