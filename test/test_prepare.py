@@ -109,6 +109,37 @@ def test_a_current_of_two_levels_is_a_command(rests):
     assert found.report.friction.coulomb == pytest.approx(0.4, rel=0.03)
 
 
+@pytest.mark.parametrize('held', [(0.9,), (0.5, -0.5, 0.9, -0.9)])
+def test_a_step_that_is_held_at_the_largest_current_is_no_limit(held):
+    """Ramps and steps of a commanded current; Coulomb friction 0.3 A, viscous 0.1, inertia 0.05."""
+    step, rest = 0.002, np.zeros(300)
+    ramp = np.interp(np.arange(6000.0), (0.0, 1500.0, 4500.0, 6000.0), (0.0, 0.9, -0.9, 0.0))
+    once = [ramp, *(part for level in held for part in (np.full(600, level), rest))]
+    current = np.concatenate(once * 3)
+    velocity = np.zeros(len(current))
+    for n, pushed in enumerate(current[:-1]):
+        driven = velocity[n] + step / 0.05 * (pushed - 0.1 * velocity[n])
+        velocity[n + 1] = np.sign(driven) * max(abs(driven) - step / 0.05 * 0.3, 0.0)
+    report = refine([Samples(time=step * np.arange(len(current)), current=current,
+                             position=step * np.cumsum(velocity))]).report
+    assert report.samples_clipped == 0
+    assert report.friction.coulomb == pytest.approx(0.3, rel=0.02)
+    assert report.friction.inertia == pytest.approx(0.05, rel=0.02)
+
+
+def test_a_load_that_is_the_torque_behind_the_gear_is_not_counted_twice():
+    """Its sign is that of the motor's torque on the links: their weight 6, inertia 0.3."""
+    samples = swings(7)
+    rng = np.random.default_rng(7)
+    links = 6.0 * np.sin(samples.position) + 0.3 * samples.acceleration
+    noise = 0.02 * rng.standard_normal((2, len(samples)))
+    found = refine([samples.with_(current=samples.current + links + noise[0],
+                                  load=links + 5.0 * noise[1])], drive=Drive(1.0, 1.0))
+    effects = {effect.name: effect.parameters['coefficients'] for effect in found.report.effects}
+    assert effects['gravity'] == pytest.approx([0.0, 6.0], abs=0.1)
+    assert effects['inertia'] == pytest.approx([0.3], rel=0.1)
+
+
 @pytest.mark.parametrize('step', [0.02, 0.05])
 def test_a_current_in_coarse_steps_is_not_cut_off(step):
     velocity = swings(4).velocity

@@ -44,6 +44,19 @@ def with_ripple(seed, lag=0):
     return samples.take(slice(20, -20))
 
 
+@pytest.mark.parametrize('scale', [0.0, 1.0])
+def test_a_weight_that_the_urdf_lacks_stays_beside_friction_by_the_links_load(scale):
+    """A name must not change what the model predicts; `scale` is that of the URDF's torque."""
+    samples = swings(2)
+    links = 0.3 * np.cos(samples.position - 1.2) + 1e-3
+    weight = 0.6 * np.cos(samples.position)
+    current = samples.current + weight + scale * links + (
+        0.15 * np.abs(links) * np.sign(samples.velocity))
+    report = refine([samples.with_(current=current, rigid_body=links)]).report
+    assert report.after.held_out_rmse < 1.2 * 0.02
+    assert 'gravity' in {effect.name for effect in report.effects}
+
+
 @pytest.mark.parametrize('case', ['plain', 'late', 'given', 'carried'])
 def test_the_model_written_is_the_model_judged(case, tmp_path):
     """By the file, on the raw recording: its error is the one that the report gives."""

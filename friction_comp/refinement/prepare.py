@@ -206,10 +206,12 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     `samples` are joined; `declared` says that torque constant and gear ratio are known, `linear`
     that positions are in m.
     """
-    at_limit = clipped(samples.current)
+    at_limit, reach = clipped(samples.current), round(thresholds.NEAR_LIMIT / samples.sample_time)
     # Their neighbours are below the limit if their noise is: a fit to these alone would be bent.
-    unusable = maximum_filter1d(
-        at_limit, 2 * round(thresholds.NEAR_LIMIT / samples.sample_time) + 1)
+    unusable = maximum_filter1d(at_limit, 2 * reach + 1)
+    if at_limit.any():
+        at_limit = recorded_motion.beyond_limit(samples, at_limit, unusable)
+        unusable = maximum_filter1d(at_limit, 2 * reach + 1)
     joints = recorded_motion.moving_joints(samples)
     load = recorded_motion.load_coefficient(samples, unusable, drive) if declared else 0.0
     settings = settings or recorded_motion.choose_differentiation(samples, unusable, joints, load)

@@ -249,6 +249,29 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
     return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
 
 
+def beyond_limit(samples: Samples, at_limit: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """Return which samples at a limit of the current would be beyond it, bool, shape (N,).
+
+    A current that is cut off is larger than recorded; one that a step of a command holds is what it
+    says. A plain drive, fitted to what is not `beside` a limit, tells them apart at each end: it
+    predicts a current that is cut off beyond the limit, by more than its error.
+    """
+    moved, start = smooth_motion(*excerpt(samples, beside))
+    speed = np.abs(np.asarray(moved.velocity))
+    every = plain_columns(
+        moved, (np.percentile(speed[start], 95) * np.array(TRANSITIONS)).tolist())
+    sums = sums_of(every[start], moved.current[start], blocks_of(moved, start))
+    inner = range(every.shape[1])
+    error = math.sqrt(float(sums.held_out_errors(inner).sum()) / len(start))
+    excess, cut = every @ sums.fit(inner) - moved.current, at_limit.copy()
+    for side in (1.0, -1.0):
+        end = at_limit & (side * (samples.current - np.median(samples.current)) > 0.0)
+        there = excerpt(samples, end)[1] & (speed > standstill_speed(moved))
+        if there.any() and float(np.median(side * excess[there])) < error:
+            cut[end] = False
+    return cut
+
+
 def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
     """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
 
@@ -256,7 +279,10 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     if the load lowers the error of blocks that were not fitted, with half to twice this
     coefficient, the motor carries it, and its coefficient is fitted as that of an effect. If it
     does not, but the load overcomes friction or accelerates the joint, then a person moves it, and
-    the current is that of a compensation law or zero: the known coefficient has to be used.
+    the current is that of a compensation law or zero: the known coefficient has to be used. A
+    sensor behind the gear may show the torque of the motor on the links instead, of the other sign:
+    then friction and inertia alone predict blocks that were not fitted, without a weight, and only
+    with that sign. The current shows that torque: again its coefficient is fitted.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
@@ -281,6 +307,14 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     # With twice the usual margin, since a sensor's load of the wrong sign would count twice.
     moves = any(values.mean() > 2.0 * thresholds.STANDARD_ERRORS * np.sqrt(
         (len(values) - 1) * np.var(values)) for values in (power, fits[:, last]))
+    # Inertia is the last of these columns, of which none is a weight.
+    inner, turned = columns[:, :last + 1], part.current + mechanics * load
+    given = part.current - mechanics * load
+    of_given, of_turned = (held_out_error(inner, target, block) for target in (given, turned))
+    # Of its own size: a part of friction has the same shape, and a smaller error.
+    if (of_turned * (given @ given) < (1.0 - thresholds.LEAST_SHARE) * of_given * (turned @ turned)
+            and of_turned < (1.0 + thresholds.LEAST_SHARE) * held_out_error(columns, given, block)):
+        return 0.0
     return mechanics if moves else 0.0
 
 

@@ -157,11 +157,15 @@ def select_named(fit: Fit) -> Fit:
     """
     fit = replace(fit, found=tuple(fit.terms), found_error=fit.rmse_with(fit.terms))
     chosen = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
-    # The links of a URDF are all weight: another beside them makes up for what is wrong with them.
-    links = any('rigid_body' in term.kind.needs for term in fit.terms)
     terms = [term for k, term in enumerate(fit.terms)
-             if k < fit.initial_count or (chosen[term] >= thresholds.NAMED_SHARE and not (
-                 links and term.kind.weight and term.kind.needs == ()))]
+             if k < fit.initial_count or chosen[term] >= thresholds.NAMED_SHARE]
+    # The links of a URDF are all weight: another beside them makes up for what is wrong with them.
+    # Where it is more than that, it stays: a name must not change what the model predicts.
+    links = any(term.kind.name == 'rigid_body' for term in terms)
+    rest = [term for term in terms if not (
+        links and term.kind.weight and term.kind.needs == () and term in chosen)]
+    if fit.rmse_with(rest) < thresholds.NAMING_ERROR * fit.rmse_with(terms):
+        terms = rest
     while True:
         fit = refit(fit, terms)
         # The constants were adjusted again, so terms have changed.

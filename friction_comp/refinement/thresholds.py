@@ -73,6 +73,8 @@ SEARCHES = Threshold(
     40, 'searches', 'on resampled blocks: the standard error of a share of one half is 8 %')
 NAMED_SHARE = Threshold(
     0.6, 'of the searches', 'must choose an effect before it is named')
+NAMING_ERROR = Threshold(
+    1.1, 'times the error', 'that leaving out a weight beside a URDF may cost')
 # Reversals.
 REVERSALS = Threshold(
     6, 'reversals', 'fewest from which friction at rest is read: three in each direction')
