@@ -32,8 +32,9 @@ from friction_comp.compensation.law_fields import (
     Parameters,
     State,
 )
-from friction_comp.model.sigmoid import compiled_kinetic_current
+from friction_comp.model.sigmoid import kinetic_current
 
+compiled_kinetic_current = njit(cache=True)(kinetic_current)
 LONGEST_STEP = 0.1
 """s; after a longer pause, or a clock that was set, the operator is reset."""
 AGREEING = 5

@@ -4,10 +4,10 @@
 
 from __future__ import annotations
 
-import functools
+from collections.abc import Sequence
+import math
 from typing import Any, TypeGuard
 
-from numba import njit
 import numpy as np
 
 from friction_comp.checks import check_mapping, check_number
@@ -17,7 +17,8 @@ from friction_comp.samples import Samples
 METHOD = 'zero-phase Butterworth'
 # Used if a model does not say how it was fitted.
 DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
-_ORDER = 2
+# Values up to which a filter is run without SciPy, whose import takes as long as a million of them.
+_SHORT = 20_000
 # Time steps that differ by a smaller share than this are uniform.
 _UNIFORM = 1e-3
 # A step of more median ones has lost a sample, a shorter one an early and a late stamp.
@@ -170,29 +171,17 @@ def advance(samples: Samples, lag: float) -> Samples:
 
 def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
     """Return the values at t + lag, (N,) or (N, M); beyond the ends of a segment the last ones."""
-    source = np.reshape(np.asarray(values, dtype=float), (len(values), -1)).T
-    shifted = np.empty_like(source)
+    source = np.reshape(np.asarray(values, dtype=float), (len(values), -1))
+    shifted = source.copy()
     for part in samples.segments():
-        time, own = samples.time[part], source[:, part]
-        # The same for all columns: the sample before each time, and the share of the step to it.
-        place = np.interp(time + lag, time, np.arange(len(time)))
-        shifted[:, part] = _between_samples(own, place)
-    return shifted.T.reshape(np.shape(values))
-
-
-@njit(cache=True)
-def _between_samples(values: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Return values, (M, N), at places, (P,), between 0 and N - 1, linear between samples."""
-    # In one pass over memory: NumPy needs an array for each step, and eight times as long.
-    result = np.empty((values.shape[0], len(place)))
-    last = values.shape[1] - 1
-    for row in range(values.shape[0]):
-        for column in range(len(place)):
-            index = int(place[column])
-            before = values[row, index]
-            change = values[row, min(index + 1, last)] - before
-            result[row, column] = before + (place[column] - index) * change
-    return result
+        time, own = samples.time[part], source[part]
+        if len(time) > 1:
+            # The sample before each time, and the share of the step to it.
+            place = np.interp(time + lag, time, np.arange(len(time)))
+            index = np.minimum(place.astype(int), len(time) - 2)
+            before = own[index]
+            shifted[part] = before + (place - index)[:, None] * (own[index + 1] - before)
+    return shifted.reshape(np.shape(values))
 
 
 def as_recorded(current: np.ndarray, samples: Samples, time_constant: float | None) -> np.ndarray:
@@ -219,12 +208,14 @@ def as_recorded(current: np.ndarray, samples: Samples, time_constant: float | No
     return result
 
 
-@functools.lru_cache(maxsize=64)
-def _low_pass(cutoff: float) -> np.ndarray:
-    """Return the filter's sections; the cutoff frequency is a share of half the sample rate."""
-    from scipy.signal import butter
+def _low_pass(cutoff: float) -> tuple[float, float, float]:
+    """Return b0, a1 and a2 of a second-order Butterworth low pass, whose b1 is 2·b0 and b2 b0.
 
-    return np.asarray(butter(_ORDER, cutoff, output='sos'))
+    The cutoff frequency is a share of half the sample rate; its tangent is the bilinear transform.
+    """
+    w = math.tan(0.5 * math.pi * cutoff)
+    scale = 1.0 / (1.0 + math.sqrt(2.0) * w + w * w)
+    return w * w * scale, 2.0 * (w * w - 1.0) * scale, (1.0 - math.sqrt(2.0) * w + w * w) * scale
 
 
 def filters(bandwidth: float | None, sample_time: float) -> TypeGuard[float]:
@@ -236,12 +227,33 @@ def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> 
     """Return a signal, (N, ...), behind a zero-phase low pass of a bandwidth, Hz, if it filters."""
     if not filters(bandwidth, sample_time):
         return signal
-    from scipy.signal import sosfiltfilt
-
-    sections = _low_pass(2.0 * bandwidth * sample_time)
+    b0, a1, a2 = _low_pass(2.0 * bandwidth * sample_time)
     # Long enough for slow transients of narrow filters, short enough for short parts.
     padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))
-    return sosfiltfilt(sections, signal, padtype='odd', padlen=padding, axis=0)
+    if np.size(signal) > _SHORT:
+        from scipy.signal import sosfiltfilt
+
+        return sosfiltfilt([[b0, 2.0 * b0, b0, 1.0, a1, a2]], signal, padtype='odd',
+                           padlen=padding, axis=0)
+    if np.ndim(signal) > 1:
+        return np.column_stack([_smooth(one, sample_time, bandwidth) for one in signal.T])
+    extended = np.concatenate((2.0 * signal[0] - signal[padding:0:-1], signal,
+                               2.0 * signal[-1] - signal[-2:-padding - 2:-1])).tolist()
+    for _ in range(2):
+        extended = _filtered(extended, b0, a1, a2)[::-1]
+    return np.array(extended[padding:len(extended) - padding])
+
+
+def _filtered(values: Sequence[float], b0: float, a1: float, a2: float) -> list[float]:
+    """Return values behind a low pass (transposed direct form II) at rest at the first of them."""
+    second = (b0 - a2) * values[0]
+    first = (2.0 * b0 - a1) * values[0] + second
+    result = []
+    for value in values:
+        low = b0 * value + first
+        first, second = 2.0 * b0 * value - a1 * low + second, b0 * value - a2 * low
+        result.append(low)
+    return result
 
 
 def _derivative(values: np.ndarray, time: np.ndarray, smooth: bool = False) -> np.ndarray:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from numba import njit
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -24,9 +23,6 @@ def kinetic_current(velocity: Any, upper: float, lower: float, steepness: float,
     """Return Eq. 6 at a velocity, array or number, rad/s, in the unit of the plateaus."""
     return viscous * velocity + lower + (upper - lower) / (
         1.0 + np.exp(-steepness * (velocity - shift)))
-
-
-compiled_kinetic_current = njit(cache=True)(kinetic_current)
 
 
 @dataclass(frozen=True)

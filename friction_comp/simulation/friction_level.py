@@ -17,10 +17,11 @@ import math
 from numba import njit
 import numpy as np
 
-from friction_comp.model.sigmoid import compiled_kinetic_current
+from friction_comp.model.sigmoid import kinetic_current
 from friction_comp.simulation.joint_parameters import Record
 from friction_comp.simulation.random_sequence import normal
 
+compiled_kinetic_current = njit(cache=True)(kinetic_current)
 LEAST_LEVEL = 0.05
 """Smallest friction that undeclared effects may leave, as a share of the declared level."""
 

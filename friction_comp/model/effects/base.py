@@ -27,6 +27,8 @@ from friction_comp.samples import Samples
 
 _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
              'gap', 'time_constant', 'speed')
+# Samples up to which states are computed without a compiler.
+_SHORT = 4000
 # Signals of which a recording has a range.
 _VALUES = ('position', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
@@ -192,12 +194,21 @@ class Effect(ABC):
         if not cls.has_memory:
             return 0.0
         begins, start = segment_starts(samples), cls.start(sign + np.zeros(len(samples)), c)
-        states = np.empty(len(samples))
-        time, position, speed = samples.time, samples.position, np.asarray(samples.velocity)
-        for k in range(len(samples)):
-            states[k] = start[k] if begins[k] else cls.step(
-                states[k - 1], time[k] - time[k - 1], position[k] - position[k - 1], speed[k], c)
-        return states
+        motion = [np.ascontiguousarray(values, dtype=float)
+                  for values in (samples.time, samples.position, samples.velocity)]
+        if len(samples) > _SHORT:
+            from friction_comp.model.effects.compiled_states import STATES
+
+            if cls.name in STATES:
+                return STATES[cls.name](*motion, begins, np.asarray(start, dtype=float), c)
+        time, position, velocity = motion
+        changes = zip(np.diff(time, prepend=0.0).tolist(), np.diff(position, prepend=0.0).tolist(),
+                      velocity.tolist(), begins.tolist(), start.tolist(), strict=True)
+        states, state = [], 0.0
+        for dt, dq, speed, is_first, first in changes:
+            state = first if is_first else cls.step(state, dt, dq, speed, c)
+            states.append(state)
+        return np.array(states)
 
     def fed_back(self) -> Effect:
         """Return the effect as the compensator applies it, if it may."""

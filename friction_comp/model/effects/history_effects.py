@@ -7,10 +7,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, segment_starts
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import (
     Coverage,
     NEITHER,
@@ -18,10 +17,8 @@ from friction_comp.model.effects.definitions import (
     Signals,
     too_coarse,
 )
-from friction_comp.samples import Samples
 
 
-@njit(cache=True)
 def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
     """Return Dahl's state z after a step of position, solved exactly; see `Effect.step`.
 
@@ -42,15 +39,6 @@ def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> fl
         remaining = power ** (1.0 / (1.0 - c.exponent)) if power > 0.0 else 0.0
     return sign * (1.0 - remaining)
 
-
-@njit(cache=True)
-def _dahl_states(position: np.ndarray, is_start: np.ndarray, start: np.ndarray,
-                 c: Any) -> np.ndarray:
-    states = np.empty(len(position))
-    for k in range(len(position)):
-        states[k] = start[k] if is_start[k] else dahl_step(
-            states[k - 1], 0.0, position[k] - position[k - 1], 0.0, c)
-    return states
 
 
 def _shortest_reversal(coverage: Coverage, steps: float = 3.0) -> float:
@@ -102,11 +90,6 @@ class Hysteresis(Effect):
         # At the start of a segment in motion, the reversal is complete.
         return sign
 
-    @classmethod
-    def memory(cls, samples: Samples, sign: Any, c: Any) -> Any:
-        position = np.ascontiguousarray(samples.position, dtype=float)
-        return _dahl_states(position, segment_starts(samples), sign, c)
-
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         remaining = np.maximum(1.0 - x.memory * np.sign(x.velocity), 0.0)
@@ -126,21 +109,11 @@ class Hysteresis(Effect):
         return self.coefficients[0], reach / math.log(2.0) * self.values['distance']
 
 
-@njit(cache=True)
 def backlash_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
     """Return how far the joint is from the middle of its backlash, rad; see `Effect.step`."""
     reach = 0.5 * c.gap + c.distance
     return min(reach, max(-reach, state + dq))
 
-
-@njit(cache=True)
-def _backlash_states(position: np.ndarray, is_start: np.ndarray, start: np.ndarray,
-                     c: Any) -> np.ndarray:
-    states = np.empty(len(position))
-    for k in range(len(position)):
-        states[k] = start[k] if is_start[k] else backlash_step(
-            states[k - 1], 0.0, position[k] - position[k - 1], 0.0, c)
-    return states
 
 
 class Backlash(Effect):
@@ -181,11 +154,6 @@ class Backlash(Effect):
     def start(sign: Any, c: Any) -> Any:
         return sign * (0.5 * c.gap + c.distance)
 
-    @classmethod
-    def memory(cls, samples: Samples, sign: Any, c: Any) -> Any:
-        position = np.ascontiguousarray(samples.position, dtype=float)
-        return _backlash_states(position, segment_starts(samples), cls.start(sign, c), c)
-
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         pushed = np.maximum(np.abs(x.memory) - 0.5 * c.gap, 0.0) / c.distance
@@ -199,7 +167,6 @@ class Backlash(Effect):
         return self.coefficients[0], self.values['distance'] + 0.5 * self.values['gap']
 
 
-@njit(cache=True)
 def rest_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
     """Return the share of the friction gained at rest, 0..1, one sample later; see `Effect.step`.
 
@@ -209,16 +176,6 @@ def rest_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> fl
         return 1.0 - (1.0 - state) * math.exp(-dt / c.time_constant)
     return state * math.exp(-abs(dq) / c.distance)
 
-
-@njit(cache=True)
-def _rest_states(time: np.ndarray, position: np.ndarray, velocity: np.ndarray,
-                 is_start: np.ndarray, c: Any) -> np.ndarray:
-    states = np.zeros(len(position))
-    for k in range(len(position)):
-        if not is_start[k]:
-            states[k] = rest_step(states[k - 1], time[k] - time[k - 1],
-                                  position[k] - position[k - 1], velocity[k], c)
-    return states
 
 
 class RestTime(Effect):
@@ -251,11 +208,6 @@ class RestTime(Effect):
                 for distance in np.geomspace(2e-3 * span, 0.2 * span, 5).tolist()]
 
     step = staticmethod(rest_step)
-
-    @classmethod
-    def memory(cls, samples: Samples, sign: Any, c: Any) -> Any:
-        return _rest_states(samples.time, samples.position, np.asarray(samples.velocity),
-                            segment_starts(samples), c)
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
