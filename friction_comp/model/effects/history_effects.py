@@ -17,28 +17,7 @@ from friction_comp.model.effects.definitions import (
     Signals,
     too_coarse,
 )
-
-
-def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-    """Return Dahl's state z after a step of position, solved exactly; see `Effect.step`.
-
-    dz/dq = (1 - z·sgn(dq))^p / distance (Dahl 1968): p < 1 reverses within a finite distance.
-    """
-    if dq == 0.0:
-        return state
-    sign = 1.0 if dq > 0.0 else -1.0
-    # Remaining part of the reversal, 0..2.
-    remaining = 1.0 - sign * state
-    if remaining <= 0.0:
-        return sign
-    travel = abs(dq) / c.distance
-    if abs(c.exponent - 1.0) < 1e-6:
-        remaining *= math.exp(-travel)
-    else:
-        power = remaining ** (1.0 - c.exponent) - (1.0 - c.exponent) * travel
-        remaining = power ** (1.0 / (1.0 - c.exponent)) if power > 0.0 else 0.0
-    return sign * (1.0 - remaining)
-
+from friction_comp.model.effects.steps import backlash_step, dahl_step, rest_step
 
 
 def _shortest_reversal(coverage: Coverage, steps: float = 3.0) -> float:
@@ -109,12 +88,6 @@ class Hysteresis(Effect):
         return self.coefficients[0], reach / math.log(2.0) * self.values['distance']
 
 
-def backlash_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-    """Return how far the joint is from the middle of its backlash, rad; see `Effect.step`."""
-    reach = 0.5 * c.gap + c.distance
-    return min(reach, max(-reach, state + dq))
-
-
 
 class Backlash(Effect):
     """``A·z``, with z = 0 across a gap after each reversal, then rising to ±1 over a distance.
@@ -165,16 +138,6 @@ class Backlash(Effect):
 
     def dahl_friction(self) -> tuple[float, float]:
         return self.coefficients[0], self.values['distance'] + 0.5 * self.values['gap']
-
-
-def rest_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-    """Return the share of the friction gained at rest, 0..1, one sample later; see `Effect.step`.
-
-    It grows with the time below the constant `velocity`, and fades over a distance of motion.
-    """
-    if abs(velocity) < c.velocity:
-        return 1.0 - (1.0 - state) * math.exp(-dt / c.time_constant)
-    return state * math.exp(-abs(dq) / c.distance)
 
 
 
