@@ -76,6 +76,10 @@ _CAMEL = re.compile(r'(?<=[a-z])(?=[A-Z])')
 OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', 'count', 'counts',
                'pulse', 'pulses', 'inc', 'increments', 'grad', 'raw', 'p.u.', 'pu', 'a.u.', 'au',
                'edeg', 'erpm'}
+# Words of a name that say such a unit, where the name says no quantity of the package.
+_SAYING = {'volt': 'V', 'volts': 'V', 'voltage': 'V', 'duty': '%', 'pwm': 'PWM', 'watts': 'W',
+           **{unit: unit for unit in ('percent', 'pct', 'lsb', 'tick', 'ticks', 'count', 'counts',
+                                      'pulse', 'pulses', 'increments', 'raw')}}
 # Others of a drive's effort, which names do not give.
 _OF_DRIVES = {'pwm', 'duty', '‰', 'permille', 'digit', 'digits', 'step', 'steps'}
 # Units that are more often something else, unless they are the last word.
@@ -180,6 +184,14 @@ def in_turns_of(name: str) -> str:
     words = [word.lower() for _, word in _parts(name)]
     estimated = [word for word in words if not word.isdigit()][-2:] == ['pos', 'estimate']
     return 'ODrive' if estimated or {'odrive', 'odrv'} & set(words) else ''
+
+
+def other_unit_in(name: str) -> str:
+    """Return the unit that a word of a name says, of those that are none of the package's; or ''.
+
+    ``LeftAppliedVolts`` is in V, and ``duty_cycle`` in %.
+    """
+    return next((_SAYING[word.lower()] for _, word in _parts(name) if word.lower() in _SAYING), '')
 
 
 def is_target(name: str) -> bool:

@@ -18,6 +18,7 @@ from friction_comp.column_names import (
     common_name,
     is_linear,
     numbers,
+    other_unit_in,
     read_name,
     read_of_axis,
     Reading,
@@ -34,6 +35,7 @@ _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
 _Read = Callable[[str], Reading]    # `read_name`, or `read_of_axis`
 _MOST_NAMES = 200    # columns that a message lists
+_TORQUES = ('effort', 'load', 'link_torque', 'command')     # what means torque, or force
 
 
 @dataclass
@@ -193,6 +195,12 @@ def _named(layout: Layout, read: _Read, where: str) -> list[Column]:
             signal, () if signal == 'time' else key, own.joint or '_'.join(key), own.unit)
         if _unknown_unit(reading, layout):
             raise InputError(f'{where}: {_say_unit(name, reading)}')
+        if signal == 'effort' and not reading.unit and own.signal not in _TORQUES:
+            # Only a name that means torque or force is one.
+            if not ('effort' in layout.units or other_unit_in(name)):
+                raise InputError(f'{where}: column {name!r}: its name tells no unit: say what one '
+                                 'of it is, --unit effort=N·m, or A, V, %, or 2.69mA')
+            readings[name] = replace(reading, unit=other_unit_in(name))
     return [_column(name, reading, layout) for name, reading in readings.items()]
 
 
@@ -222,6 +230,8 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column:
     signal = reading.signal
     given = next((layout.units[one] for one in (signal, *_SAME_UNIT.get(signal, ()))
                   if one in layout.units), '')
+    if signal == 'current' and unit_of(signal, given) is None and unit_of('effort', given):
+        signal = 'effort'   # 62N: the force of 1 A
     text = given or reading.unit
     unit = unit_of(signal, text) if text else None
     stated = unit is not None
@@ -260,11 +270,12 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
                 named_already or _unknown_unit(reading, layout)):
             column = _column(name, reading, layout)
             kind = _kind(column.signal)
-            # What is named as the user's columns comes first. A column in V or % is used only if
-            # none is in a unit of effort.
+            # What is named as the user's columns comes first. The name decides, whatever unit the
+            # user gives: a column in V or % is used only if none is in a unit of effort.
+            other = bool(reading.unit) and unit_of(reading.signal, reading.unit) is None
             found.append(((SIGNALS.index(kind), not alike, kind == 'effort' and not
-                           reading.measured, column.stated and not column.dimension,
-                           SIGNALS.index(column.signal), reading.rank, place), column))
+                           reading.measured, other, SIGNALS.index(reading.signal), reading.rank,
+                           place), column))
     best: dict[tuple[str, tuple[str, ...]], Column] = {}
     in_ampere = any(c.dimension == 'current' for c in named if _kind(c.signal) == 'effort')
     for _, column in sorted(found, key=lambda entry: entry[0]):

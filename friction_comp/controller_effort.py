@@ -10,6 +10,8 @@ import numpy as np
 _TRANSITION = 0.03
 # Parts of a recording whose scatter gives the standard error.
 _PARTS = 10
+# A torque behind a gear that is so many times the motor's is more than any friction makes of it.
+_GEARED = 3.0
 
 
 def controller_effort(time: np.ndarray, target: np.ndarray, position: np.ndarray,
@@ -41,27 +43,27 @@ def controller_effort(time: np.ndarray, target: np.ndarray, position: np.ndarray
     return plain, 'effort is k_p (target - position) - k_d velocity'
 
 
-def without_link_torque(effort: np.ndarray, link_torque: np.ndarray | None, is_torque: bool,
-                        notes: list[str]) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the effort that is left for the gear, and the load in N·m or None, both (N,).
+def load_behind_gear(effort: np.ndarray, link_torque: np.ndarray | None, is_torque: bool,
+                     notes: list[str]) -> np.ndarray | None:
+    """Return the load on a gear in N·m by the torque of the link behind it, (N,), None without one.
 
-    The torque of the link, measured behind the gear in N·m, is nearly all of the effort; in some
-    robots it has the opposite sign. It is subtracted from an effort that is a torque. Another
-    effort stays, with this load, whose factor can then be fitted. A text is added to `notes`.
+    The load moves the joint, and the gear moves the link: one is minus the other. In some robots
+    the sensor has the opposite sign, which is reversed. Texts are added to `notes`; beside an
+    effort that `is_torque`, one says that its gear ratio is missing where the link's torque is
+    many times as large.
     """
     if link_torque is None:
-        return effort, None
+        return None
     both = np.isfinite(effort) & np.isfinite(link_torque)
-    words = ''
-    if float(effort[both] @ link_torque[both]) < 0.0:
+    product, power = float(effort[both] @ link_torque[both]), float(effort[both] @ effort[both])
+    if product < 0.0:
         link_torque = -link_torque
-        words = ', whose sign is reversed: it is opposite to that of effort'
-    if is_torque:
-        notes.append(f'friction is effort minus link_torque{words}')
-        return effort - link_torque, None
-    notes.append('the effort is no torque, from which link_torque could be subtracted: '
-                 f'link_torque is the load, whose share is fitted{words}')
-    return effort, -link_torque
+        notes.append('the sign of link_torque is reversed: it is opposite to that of effort')
+    ratio = abs(product) / max(power, 1e-300)
+    if is_torque and ratio > _GEARED:
+        notes.append(f'link_torque is about {ratio:.2g} times the effort, as if that were before a '
+                     'gear: give its ratio, --unit effort=100Nm if it is 100')
+    return -link_torque
 
 
 def _rate(time: np.ndarray, values: np.ndarray, usable: np.ndarray) -> np.ndarray:

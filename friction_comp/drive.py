@@ -7,16 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-import numpy as np
-
 from friction_comp.checks import check_number
-
-# rad; smaller changes of position are rounding.
-_ROUNDING = 1e-9
-# Largest change of position that is compared, in its steps; the least step that is reported, in
-# counts; how exactly changes are whole numbers of steps, of how many, with which share of longer
-# ones.
-_MOST_STEPS, _SEVERAL, _EXACT, _FEWEST, _LONGER = 6.0, 5.0, 0.02, 20, 0.1
 
 
 @dataclass(frozen=True)
@@ -67,24 +58,3 @@ class Drive:
         if self.encoder_counts is None:
             return None
         return 2.0 * math.pi / (self.encoder_counts * self.gear_ratio)
-
-    def encoder_fault(self, position: np.ndarray) -> str:
-        """Return what is wrong with `encoder_counts` by a recorded position, rad, (N,); or ''.
-
-        Its changes are then one, two and more steps of several counts, and nothing in between. A
-        constant velocity shows no steps.
-        """
-        known, changes = self.position_resolution, np.abs(np.diff(position))
-        changes = changes[changes > _ROUNDING]
-        if known is None or not len(changes) or changes.min() < _SEVERAL * known:
-            return ''
-        step = float(changes.min())
-        parts = changes[changes < _MOST_STEPS * step] / step
-        whole = np.rint(parts)
-        if (len(parts) < _FEWEST or np.abs(parts - whole).max() > _EXACT
-                or np.mean(whole > 1.0) < _LONGER):
-            return ''
-        per_turn = 2.0 * math.pi / (step * self.gear_ratio)
-        return (f'the position changes in steps of {step:.3g} rad, {step / known:.3g} times that '
-                f'of drive.encoder_counts, {self.encoder_counts:g}: these seem to be about '
-                f'{per_turn:.3g} per motor turn')

@@ -15,7 +15,7 @@ import numpy as np
 from friction_comp.checks import one_of
 from friction_comp.column_values import to_numbers
 from friction_comp.columns import assign
-from friction_comp.controller_effort import without_link_torque
+from friction_comp.controller_effort import load_behind_gear
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
@@ -295,7 +295,7 @@ class Samples:
             # `assign` has found the target.
             signals['effort'] = use.controller_effort(values, signals['time'], chosen, gains)
         column = use.of('effort', chosen)
-        signals['effort'], load = without_link_torque(
+        load = load_behind_gear(
             signals['effort'], signals.pop('link_torque', None),
             column is None or column.dimension in ('torque', 'force'), use.notes)
         if load is not None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from friction_comp.__main__ import main
+from friction_comp.facts.resolution import encoder_fault
 from friction_comp.model.arm_file import write_arm
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
@@ -179,7 +180,7 @@ def test_a_position_coarser_than_the_encoder_of_the_model_is_named(counts, said)
     assert len(found) == bool(said)
     assert said in ' '.join(found)
     # A constant velocity has equal changes, whatever the encoder.
-    assert not drive.encoder_fault(0.0123 * np.arange(1000))
+    assert not encoder_fault(drive, 0.0123 * np.arange(1000))
 
 
 def test_a_current_against_the_motion_is_a_problem_before_any_model_is_compared():

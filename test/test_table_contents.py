@@ -13,10 +13,11 @@ from friction_comp import InputError, Layout, read_recording, Samples
 from friction_comp.__main__ import main
 from friction_comp.columns import assign
 from friction_comp.drive import Drive
+from friction_comp.facts.motion import not_in_radians as angle_fault
 from friction_comp.identification.steady_state import fit_steady_states
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import read_recording_with_info
-from friction_comp.recordings.told_units import angle_fault, unit_of_weight
+from friction_comp.recordings.told_units import unit_of_weight
 
 
 def sliding(speed, coulomb=0.57, viscous=0.52, offset=0.0, height=0.0, speed_s=0.1):
@@ -128,14 +129,14 @@ def test_gains_may_be_columns_or_one_for_each_recording(tmp_path):
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_friction_is_effort_minus_the_torque_behind_the_gear(tmp_path, sign):
+def test_the_torque_behind_the_gear_is_the_load_with_either_sign(tmp_path, sign):
     time, position, velocity = swing()
     friction, carried = 2.0 * np.sign(velocity), 9.0 * np.sin(position)
     path = write(tmp_path / 'log.csv', time=time, position=position, velocity=velocity,
                  tau=friction + carried, link_torque=sign * carried)
     (samples, info), = read_recording_with_info(path)
-    np.testing.assert_allclose(samples.current, friction, atol=1e-9)
-    assert any('sign is reversed' in note for note in info.notes) == (sign < 0)
+    np.testing.assert_allclose(samples.current + samples.load, friction, atol=1e-9)
+    assert any('is reversed' in note for note in info.notes) == (sign < 0)
 
 
 @pytest.mark.slow
@@ -163,9 +164,9 @@ def test_a_data_frame_means_the_same_as_a_file():
                                   'tau': friction + carried, 'link_torque': -carried,
                                   'tau_cmd': friction}, torque_constant=0.1, gear_ratio=10.0,
                                  notes=notes)
-    np.testing.assert_allclose(samples.current, friction, atol=1e-9)
+    np.testing.assert_allclose(samples.current + samples.load, friction, atol=1e-9)
     np.testing.assert_allclose(samples.command, friction)
-    assert any('sign is reversed' in note for note in notes)
+    assert any('is reversed' in note for note in notes)
     samples = Samples.from_frame({'target': position + 0.1, 'q': position},
                                  Layout(rate=1000.0, stiffness=[20.0]))
     np.testing.assert_allclose(samples.time, time)
@@ -256,7 +257,7 @@ def test_steps_and_jumps_of_a_position_tell_its_unit(position, said):
 def test_a_position_that_is_not_in_rad_is_asked_unless_its_unit_is_given(tmp_path, refuses):
     time, _, velocity = swing()
     path = write(tmp_path / 'log.csv', t=time, q=grid(1.0), tau=velocity)
-    refuses('give its unit, --unit position=turn, deg or rad', 'refine', path)
+    refuses('give its unit, --unit position=deg, turn, ', 'refine', path)
     samples, = read_recording(path, layout=Layout(units={'position': 'turn'}))
     np.testing.assert_allclose(samples.position, grid(TURN), atol=1e-9)
 
@@ -320,8 +321,7 @@ def test_times_too_close_for_the_unit_in_their_name_are_asked(tmp_path, refuses)
     time, position, velocity = swing(300, 0.004)
     columns = {'time [ms]': time, 'q': position, 'tau': velocity}
     path = write(tmp_path / 'log.csv', **columns)
-    refuses('too close to be ms: give its unit, for instance --unit time=s, or time=ms', 'refine',
-            path)
+    refuses('too close for this unit: give its unit, for instance --unit time=s', 'refine', path)
     # Rows of several joints may follow each other at once.
     burst = np.repeat(time, 3) + np.tile([0.0, 1e-6, 2e-6], len(time))
     path = write(tmp_path / 'bus.csv', t=burst, motor_id=np.tile([1.0, 2.0, 3.0], len(time)),
@@ -383,3 +383,47 @@ def test_that_values_of_a_motor_are_behind_its_gear_is_said(tmp_path):
         read_recording(path)
     samples, = read_recording(path, layout=Layout({}, {'effort': '-1Nm'}))
     np.testing.assert_allclose(samples.current, torque)
+
+
+LIFT = ['timestamp', 'lift.pos', 'lift.vel', 'lift.motor.effort_ticks', 'lift.motor.current',
+        'lift.motor.effort_pct']
+
+
+@pytest.mark.parametrize(('columns', 'units', 'used'), [
+    ({}, {}, ('lift.motor.current', 1.0, 'current')),
+    ({}, {'position': 'm', 'effort': '62N'}, ('lift.motor.current', 62.0, 'force')),
+    ({'effort': 'lift.motor.current'}, {'effort': '62N'}, ('lift.motor.current', 62.0, 'force')),
+    ({'effort': 'lift.motor.effort_ticks'}, {}, ('lift.motor.effort_ticks', 1.0, '')),
+    ({'effort': 'lift.motor.effort_ticks'}, {'effort': '0.5N'},
+     ('lift.motor.effort_ticks', 0.5, 'force'))])
+def test_a_unit_does_not_change_which_column_is_used(columns, units, used):
+    effort = next(c for c in assign(LIFT, Layout(columns, units), 'log').columns
+                  if c.signal == 'effort')
+    assert (effort.name, effort.factor, effort.dimension) == used
+
+
+@pytest.mark.parametrize(('name', 'unit'), [
+    ('/Drive/LeftAppliedVolts', 'V'), ('duty_cycle', '%'), ('pwm', 'PWM'), ('u_percent', 'percent'),
+    ('torque_cell', ''), ('Force', '')])
+def test_only_a_name_that_means_torque_is_in_newton_metres(name, unit):
+    effort = next(c for c in assign(['t', 'q', name], Layout({'effort': name}), 'log').columns
+                  if c.signal == 'effort')
+    assert (effort.unit, effort.dimension) == (unit, '' if unit else 'torque')
+
+
+@pytest.mark.parametrize('name', ['x', '3', 'output', 'field.data'])
+def test_the_unit_of_an_effort_whose_name_tells_none_is_asked(name):
+    names = ['t', 'q', name]
+    with pytest.raises(InputError, match=f'{name}.*--unit effort=N·m'):
+        assign(names, Layout({'effort': name}), 'log')
+    assert not assign(names, Layout({'effort': name}, {'effort': 'mA'}), 'log').notes[1:]
+    assert assign(names, Layout({'current': name}), 'log').effort_is_current
+
+
+@pytest.mark.parametrize(('ratio', 'told'), [(100.0, True), (1.0, False)])
+def test_a_missing_gear_ratio_is_hinted_at(ratio, told):
+    time, position, velocity = swing()
+    carried, notes = 40.0 * np.sin(position), []
+    Samples.from_frame({'t': time, 'q': position, 'dq': velocity, 'link_torque': -carried,
+                        'tau': (carried + 1.2 * np.sign(velocity)) / ratio}, notes=notes)
+    assert any('before a gear' in note for note in notes) == told

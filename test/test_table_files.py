@@ -64,7 +64,7 @@ def save_parquet(path, columns):
     ('log.mat', lambda path, columns: savemat(path, {'log': {
         name: values[:, None] for name, values in columns.items()}}), {}, None),
     ('log.npy', lambda path, columns: np.save(path, np.column_stack(list(columns.values()))),
-     {'time': '1', 'position': '2', 'effort': '3'}, None),
+     {'time': '1', 'position': '2', 'current': '3'}, None),
     ('log.npy', lambda path, columns: np.save(path, np.rec.fromarrays(
         list(columns.values()), names=list(columns))), {}, None),
     ('log.txt', lambda path, columns: np.savetxt(
@@ -333,7 +333,7 @@ def test_other_columns_of_one_array_are_mentioned(tmp_path):
     savemat(tmp_path / 'log.mat', {'log1': np.column_stack(
         (position, velocity, velocity, position, velocity, velocity))})
     _, info = read_recording_with_info(tmp_path / 'log.mat', layout=Layout(
-        columns={'position': 'log1_1', 'effort': 'log1_3'}, rate=1000.0))[0]
+        columns={'position': 'log1_1', 'current': 'log1_3'}, rate=1000.0))[0]
     assert any('4 other columns have no names' in note for note in info.notes)
 
 

@@ -143,7 +143,8 @@ def test_siblings_of_named_columns_are_other_joints():
     # A commanded torque says nothing beside a current without the torque constant.
     assert use.of('command', '0') is None
     # Names that say nothing are siblings by their numbers.
-    other = assign(['t', 'x7', 'x8', 'y7', 'y8'], Layout({'position': 'x8', 'effort': 'y8'}), 'log')
+    layout = Layout({'position': 'x8', 'effort': 'y8'}, {'effort': 'Nm'})
+    other = assign(['t', 'x7', 'x8', 'y7', 'y8'], layout, 'log')
     assert (other.joints, other.chosen, other.of('effort', '7').name) == (['7', '8'], '8', 'y7')
     # So they are where words beside the numbers differ.
     read = [f'{what}_{k}' for what in ('pos_read', 'curr') for k in (1, 2)]
@@ -206,7 +207,7 @@ def test_whole_numbers_without_a_unit_are_no_si_values(tmp_path):
               'Present Velocity': np.round(41.7 * velocity),
               'Present Current': np.round(50.0 * velocity)}
     path = write(tmp_path / 'log.csv', **counts)
-    with pytest.raises(InputError, match='--unit position=counts/4096'):
+    with pytest.raises(InputError, match='holds whole numbers'):
         read_recording(path)
     (samples, info), = read_recording_with_info(path, layout=Layout(
         units={'position': 'counts/4096'}))

@@ -16,13 +16,13 @@ from friction_comp.__main__ import main
 from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds
 from friction_comp.columns import assign
+from friction_comp.facts.motion import velocity_agreement
 from friction_comp.recordings import read_recording_with_info
 from friction_comp.recordings.row_times import fresh_rows, fresh_velocity
 from friction_comp.recordings.sources import find_recordings, recorded_joints
 from friction_comp.refinement.judge import other_turn
 from friction_comp.refinement.result import FoundEffect
 from friction_comp.samples import Samples
-from friction_comp.signal_checks import velocity_fault, velocity_ratios
 
 TURN = 2.0 * math.pi
 
@@ -182,7 +182,7 @@ def test_a_table_on_its_side_is_not_listed_column_by_column():
 
 
 def test_other_joints_in_columns_without_names_are_asked_for():
-    layout = Layout({'position': '1', 'effort': '5'}, rate=100.0)
+    layout = Layout({'position': '1', 'effort': '5'}, {'effort': 'Nm'}, rate=100.0)
     note, = assign([str(k + 1) for k in range(8)], layout, 'log').notes
     assert '6 other columns have no names' in note
     assert 'q_1,q_2,tau_1,tau_2' in note
@@ -249,8 +249,8 @@ def test_an_electrical_angle_is_no_position_of_a_joint(tmp_path, name):
     (1.0, 60.0 / TURN, 'velocity is in turns per minute'), (1.0, 1.0, '')])
 def test_a_position_and_a_velocity_of_two_units_name_both(angle, rate, said):
     time, position, velocity = swing()
-    assert said in velocity_fault(velocity_ratios(time, angle * position, rate * velocity), 1.2)
-    assert not velocity_fault(velocity_ratios(time, position, velocity), 1.2)
+    assert said in velocity_agreement(time, angle * position, rate * velocity).fault
+    assert not velocity_agreement(time, position, velocity).fault
 
 
 def ripple(low, high):
@@ -362,11 +362,10 @@ def test_a_torque_behind_the_gear_is_no_part_of_a_current(tmp_path, sign):
     carried = 9.0 * np.sin(position)
     columns = {'time': time, 'position': position, 'i': np.sign(velocity) + 0.3 * carried,
                'link_torque': sign * carried}
-    (samples, info), = read_recording_with_info(write(tmp_path / 'log.csv', **columns))
+    (samples, _), = read_recording_with_info(write(tmp_path / 'log.csv', **columns))
     framed = Samples.from_frame(columns)
     for read in (samples, framed):
         np.testing.assert_allclose(read.current, columns['i'])
         np.testing.assert_allclose(read.load, -carried)
-    assert any('whose share is fitted' in note for note in info.notes)
     given = Layout(units={'effort': '%'})
     np.testing.assert_allclose(Samples.from_frame(columns, given).load, -carried)

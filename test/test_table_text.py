@@ -26,7 +26,7 @@ def test_a_line_of_numbers_is_no_header_though_a_cell_is_text(tmp_path, form):
     log = tmp_path / 'log.txt'
     log.write_text('\n'.join(['% of a robot', *lines_of(form)]))
     assert open_table(log).names == ['1', '2', '3', '4']
-    samples, = read_recording(log, layout=Layout({'time': '1', 'position': '3', 'effort': '4'}))
+    samples, = read_recording(log, layout=Layout({'time': '1', 'position': '3', 'current': '4'}))
     np.testing.assert_allclose(samples.position, POSITION, atol=1e-8)
 
 

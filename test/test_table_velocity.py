@@ -31,7 +31,7 @@ def test_without_a_position_it_is_the_integral_of_velocity(tmp_path):
 @pytest.mark.parametrize(('names', 'layout', 'linear'), [
     (('t_ms', 'speed_rpm', 'measured_current_a'), {}, False),
     (('t_ms', 'velocity_mps', 'force_N'), {}, True),
-    (('t_ms', 'v', 'x'), {'velocity': 'v', 'effort': 'x'}, False)])
+    (('t_ms', 'v', 'x'), {'velocity': 'v', 'current': 'x'}, False)])
 def test_the_unit_of_the_position_is_that_of_the_velocity(tmp_path, names, layout, linear):
     factor = 30.0 / np.pi if 'rpm' in names[1] else 1.0
     path = write(tmp_path / 'log.csv', **dict(zip(names, (

@@ -20,12 +20,9 @@ from friction_comp.control.faults import Faults, WARN
 from friction_comp.control.joint_states import JointStateInput, within
 from friction_comp.control.slow_inputs import Direction, MotorTemperature
 from friction_comp.control.watchdog import Watchdog
-from friction_comp.signal_checks import beyond, BLOCK, LIMITS, VelocityCheck
+from friction_comp.facts.motion import beyond, BLOCK, FEWEST_BLOCKS, LIMITS, VelocityCheck
 from friction_comp.stamps import NANO
 
-# Largest ratio of velocity and rate of position, which smoothing and delay change too, and number
-# of blocks of 0.1 s of motion that are checked.
-_VELOCITY_FACTOR, _VELOCITY_BLOCKS = 3.0, 5
 _MAX_POSITION, _MAX_VELOCITY = LIMITS['position'][0], LIMITS['velocity'][0]
 
 
@@ -64,7 +61,7 @@ class Inputs:
         self.silence = 0.0
         if resolutions:
             self._first = 0
-            self._velocities = [VelocityCheck(_VELOCITY_FACTOR, _VELOCITY_BLOCKS, resolution)
+            self._velocities = [VelocityCheck(FEWEST_BLOCKS, resolution)
                                 for resolution in resolutions]
             self._block: list[tuple[float, np.ndarray, np.ndarray]] = []
             self._due: list[tuple[VelocityCheck, tuple[np.ndarray, ...]]] = []

@@ -15,8 +15,9 @@ import numpy as np
 
 from friction_comp.evaluation.ensemble import grid, LEAD
 from friction_comp.evaluation.movements import measured_velocity, Movement, spectral_arc_length
+from friction_comp.facts.timing import gap_length
 from friction_comp.recordings import Activity, RecordingInfo
-from friction_comp.recordings.time_base import gap_length, HOLE
+from friction_comp.recordings.time_base import HOLE
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 

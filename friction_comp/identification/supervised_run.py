@@ -19,13 +19,13 @@ from typing import NoReturn
 import numpy as np
 
 from friction_comp.drive import Drive
+from friction_comp.facts.current import LATEST
 from friction_comp.identification import velocity_control as control
 from friction_comp.identification.controller_tuning import ControllerTuning
 from friction_comp.identification.goal import IdentificationError, MotionGoal
 from friction_comp.identification.inertia import acceleration_of_push
 from friction_comp.identification.kinetic import KineticPoint, Sample, sample_rows, travel_state
 from friction_comp.identification.supervision import LEAST_SHARE, LONGEST_GAP, Supervision
-from friction_comp.signal_checks import LATEST
 
 STILL_TIME = 0.2        # s of standstill required before each ramp
 _PATIENCE = 10.0        # longest time to come to rest, s

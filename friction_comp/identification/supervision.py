@@ -18,22 +18,20 @@ import math
 import numpy as np
 
 from friction_comp.drive import Drive
+from friction_comp.facts.current import ALIKE, Answer, CurrentCheck, FOLLOWS, gain_fault
+from friction_comp.facts.motion import VelocityCheck
+from friction_comp.facts.resolution import encoder_fault
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import KineticPoint
 from friction_comp.identification.velocity_control import LEAST_RATE, LONGEST_DELAY, PHASE
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
 LONGEST_GAP = 0.25      # longest time without a sample, s
-# Accepted ratios of measured to commanded current, and of velocity to change of position.
-_FACTOR = 2.0
 # A current that carries is compared from this share of the drive's limit on, smoothed over s.
 _HELD_SHARE, _HELD_TIME = 0.05, 0.05
 # Standard errors by which a wrong gain is outside; largest one of a confirmed gain, a share of it.
 _ERRORS, _CONFIRMED = 3.0, 0.25
-# Correlation above which the measured current is the delayed commanded one.
-_ALIKE = 0.9
 LEAST_SHARE = 0.02
 """Smallest commanded current that is compared, as a share of one that breaks the joint free."""
 # Samples from which the time between them is known.
@@ -95,7 +93,7 @@ class Supervision:
         self._places = [math.nan]   # rad, each other than that before
         self._currents = CurrentCheck()
         self._held = np.zeros(2)    # measured current, and that which carries, smoothed, A
-        self._velocities = VelocityCheck(_FACTOR, resolution=self._resolution, zeros=True)
+        self._velocities = VelocityCheck(resolution=self._resolution, zeros=True)
         self._window: deque[tuple[float, float]] = deque(maxlen=10)
         self._confirmed = False     # whether the measured current has been the commanded one
         self._swings: deque[float] = deque(maxlen=_SWINGS)  # when that sign changed, s
@@ -136,13 +134,13 @@ class Supervision:
 
     def encoder_fault(self) -> str:
         """Return what is wrong with the drive's `encoder_counts`, '' if nothing is."""
-        return self._drive.encoder_fault(np.array(self._places)[1:])
+        return encoder_fault(self._drive, np.array(self._places)[1:])
 
     # The measured current must be the commanded one.
 
     def _compare_currents(self) -> None:
         gain = self._currents.gain(self.least)
-        if not math.isfinite(gain) or 1.0 / _FACTOR <= gain <= _FACTOR:
+        if not math.isfinite(gain) or 1.0 / FOLLOWS <= gain <= FOLLOWS:
             return
         answer = self._currents.answer()
         self._refuse_late(answer)
@@ -166,7 +164,7 @@ class Supervision:
     def is_current_confirmed(self) -> bool:
         """Return whether the measured current is confirmed to be the commanded one."""
         answer = self._currents.answer()
-        self._confirmed = (1.0 / _FACTOR <= answer.gain <= _FACTOR
+        self._confirmed = (1.0 / FOLLOWS <= answer.gain <= FOLLOWS
                            and answer.error <= _CONFIRMED * answer.gain)
         return self._confirmed
 
@@ -184,7 +182,7 @@ class Supervision:
     def _refuse_gain(self, answer: Answer) -> None:
         """Raise IdentificationError if the measured current is not the commanded one."""
         gain, error = answer.gain, _ERRORS * answer.error
-        if 1.0 / _FACTOR - error <= gain <= _FACTOR + error:
+        if 1.0 / FOLLOWS - error <= gain <= FOLLOWS + error:
             return
         commanded = self._say(self._currents.commanded)
         if self._confirmed and abs(gain) < 1.0:
@@ -196,7 +194,7 @@ class Supervision:
         cause = ('effort is not measured, the drive is not enabled, or it ignores small currents '
                  '(a dead band)')
         if abs(gain) > max(error, _NO_ANSWER):
-            cause = current_fault(gain, self._drive)
+            cause = gain_fault(gain, self._drive)
             if 0.0 < gain < 1.0:
                 cause += '; or the drive ignores small currents (a dead band)'
         raise IdentificationError(
@@ -207,7 +205,7 @@ class Supervision:
     def measure_delay(self) -> None:
         """Measure `delay`; call it within half a second after a current was switched off."""
         answer = self._currents.answer()
-        if answer.correlation > _ALIKE:
+        if answer.correlation > ALIKE:
             self.delay = max(self.delay, answer.delay)
 
     def control(self, bandwidth: float) -> None:
@@ -227,8 +225,8 @@ class Supervision:
 
     def _refuse_late(self, answer: Answer) -> None:
         """Raise if the measured current is the commanded one, but too late for the controller."""
-        if (answer.delay <= self._late or answer.correlation <= _ALIKE
-                or not 1.0 / _FACTOR <= answer.gain <= _FACTOR):
+        if (answer.delay <= self._late or answer.correlation <= ALIKE
+                or not 1.0 / FOLLOWS <= answer.gain <= FOLLOWS):
             return
         uneven = self.arrivals.uneven()
         if uneven > 0.5 * answer.delay:

@@ -9,7 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from friction_comp import signal_checks
+from friction_comp.facts import current, motion
+from friction_comp.facts.resolution import encoder_fault
+from friction_comp.facts.timing import rhythm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.monitoring.network import NO_PEER
@@ -32,19 +34,12 @@ _STATE_TIMEOUT, _DIRECTION_TIMEOUT = 0.05, 0.5
 _SLOW = 200.0
 # Nodes that subscribe to commands without driving a motor.
 _OBSERVERS = ('recorder', 'refinement', 'doctor')
-# Fewest blocks of motion to check sign and unit of velocity, largest ratio of velocity and rate of
-# position, and fewest samples in motion.
-_FEWEST_BLOCKS, _LARGEST_RATIO, _FEWEST_SAMPLES = 5, 1.25, 50
-# Fewest samples of each direction in a part of the range of position, and the share of the motion
-# in which the current must have one sign.
-_PER_BIN, _SIGN_SHARE = 5, 0.8
-# Mean speed of a joint above which its position is hardly in rad, rad/s: over two turns a second.
-_FASTEST = 15.0
+# Fewest samples in motion, and of each direction in a part of the range of position.
+_FEWEST_SAMPLES, _PER_BIN = 50, 5
 # Commands below this share of the drive's limit are smaller than the measurement noise.
 _SMALL = 0.01
-# Accepted range of measured over commanded current; smaller errors of a gain or torque constant
-# show in the model's error. Below the correlation, the currents are unrelated.
-_GAINS, _LEAST_CORRELATION = (0.8, 1.25), 0.5
+# Correlation below which measured and commanded current are unrelated.
+_LEAST_CORRELATION = 0.5
 
 
 def check_system(seen: Observation) -> list[Finding]:
@@ -112,8 +107,7 @@ def _describe_missing(seen: Observation, name: str) -> str:
 
 
 def _rate(seen: Observation, states: StatesSeen) -> Finding:
-    gaps = np.diff(states.received)
-    rate, worst = len(gaps) / max(float(gaps.sum()), 1e-9), float(gaps.max())
+    rate, _, worst, _ = rhythm(states.received)
     text = f'{rate:.4g} Hz, longest gap {1e3 * worst:.3g} ms'
     timeout = _parameter(seen, 'joint_state_timeout', _STATE_TIMEOUT)
     if worst > timeout:
@@ -156,35 +150,25 @@ def _values(states: StatesSeen, joint: str) -> Iterator[Finding]:
                           f'finite {name}', do)
     for name in ('position', 'velocity'):
         values = getattr(states, name)
-        if (impossible := signal_checks.beyond(name, values)).any():
+        if (impossible := motion.beyond(name, values)).any():
             yield Finding(PROBLEM, joint, f'a {name} of {values[impossible][0]:.3g} '
-                          f'{signal_checks.LIMITS[name][1]} is impossible', 'check how the '
+                          f'{motion.LIMITS[name][1]} is impossible', 'check how the '
                           'driver converts its sensor values, and how it reports a failed sensor')
     if not np.isfinite(states.velocity).any():
         yield Finding(NOTE, joint, 'joint_states hold no velocity; position is differentiated')
         return
     time = states.stamp if states.stamp.any() else states.received
-    ratios = signal_checks.velocity_ratios(time, states.position[:, 0], states.velocity[:, 0])
-    if len(ratios) < _FEWEST_BLOCKS:
+    agreement = motion.velocity_agreement(time, states.position[:, 0], states.velocity[:, 0])
+    if agreement.blocks < motion.FEWEST_BLOCKS:
         yield Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
                       'run doctor again while it is moved')
-    elif fault := signal_checks.velocity_fault(ratios, _LARGEST_RATIO):
-        yield Finding(PROBLEM, joint, fault, 'let the driver give both in rad and rad/s at the '
-                      'joint, with one sign; velocity may be left empty')
+    elif agreement.fault:
+        yield Finding(PROBLEM, joint, agreement.fault, 'let the driver give both in rad and rad/s '
+                      'at the joint, with one sign; velocity may be left empty')
     else:
         yield Finding(OK, joint, 'velocity and position agree')
-    yield from _unit_of_position(states, joint, time)
-
-
-def _unit_of_position(states: StatesSeen, joint: str, time: np.ndarray) -> Iterator[Finding]:
-    """Tell a position that is hardly in rad at the joint; velocity in the same unit agrees."""
-    position = states.position[np.isfinite(states.position)]
-    path, seconds = float(np.abs(np.diff(position)).sum()), float(np.ptp(time))
-    if path > _FASTEST * seconds > 0.0:
-        yield Finding(WARNING, joint, f'it moves at {path / seconds:.3g} rad/s on average, over '
-                      f'{np.ptp(position):.3g} rad: fast for a joint, as if position were in '
-                      'degrees or that of the motor before the gear',
-                      'let the driver give position in rad at the joint')
+    if fast := motion.hardly_in_radians(time, states.position[:, 0]):
+        yield Finding(WARNING, joint, fast, 'let the driver give position in rad at the joint')
 
 
 def _commands(seen: Observation) -> Iterator[Finding]:
@@ -307,7 +291,7 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
 
 
 def _check_encoder(states: StatesSeen, joint: str, model: FrictionModel) -> Iterator[Finding]:
-    if fault := model.drive.encoder_fault(states.position[:, 0]):
+    if fault := encoder_fault(model.drive, states.position[:, 0]):
         yield Finding(WARNING, joint, fault, 'set drive.encoder_counts in the model file to what '
                       'the position shows: it decides how fast the compensator follows')
 
@@ -328,7 +312,7 @@ def _check_current(seen: Observation, states: StatesSeen, joint: str, model: Fri
     smallest = _SMALL * model.drive.current_limit
     if len(command) < _FEWEST_SAMPLES or np.mean(command ** 2) < smallest ** 2:
         return []
-    gain, correlation = signal_checks.current_answer(command, measured)
+    gain, correlation = current.current_answer(command, measured)
     if abs(correlation) < _LEAST_CORRELATION:
         return [Finding(WARNING, joint, 'the measured current does not follow the commanded one',
                         "check the driver's mode and limits, and whether another node commands")]
@@ -337,10 +321,9 @@ def _check_current(seen: Observation, states: StatesSeen, joint: str, model: Fri
                         'commanded one', 'stop compensating; reverse the sign of effort in the '
                         'driver, or that of the command, whichever is wrong: a positive current '
                         'must push the joint towards larger positions')]
-    if not _GAINS[0] < gain < _GAINS[1]:
-        why = signal_checks.current_fault(gain, model.drive)
+    if why := current.gain_fault(gain, model.drive):
         return [Finding(WARNING, joint, f'the measured current is {gain:.3g} times the '
-                        'commanded one' + (f': {why}' if why else ''),
+                        f'commanded one: {why}',
                         'effort is k_t · n · current in N·m: compare torque constant and gear '
                         'ratio of driver and model file')]
     return [Finding(OK, joint, 'the measured current follows the commanded one')]
@@ -349,8 +332,8 @@ def _check_current(seen: Observation, states: StatesSeen, joint: str, model: Fri
 def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.ndarray
                ) -> list[Finding]:
     """Compare a joint's model with rows for `LiveResidual`."""
-    position, velocity, current, load = rows.T[1:5]
-    moving = (np.abs(velocity) > signal_checks.STANDSTILL) & np.isfinite(current)
+    position, velocity, own, load = rows.T[1:5]
+    moving = (np.abs(velocity) > motion.STANDSTILL) & np.isfinite(own)
     if moving.sum() < _FEWEST_SAMPLES:
         return [Finding(NOTE, joint, 'too little motion to compare it with its model',
                         'run doctor again while it is moved')]
@@ -361,17 +344,14 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
                         'is measured: the model cannot be checked',
                         'publish interaction_wrench, or run doctor while the motor alone moves it')]
     if loaded:
-        current = current + load / model.drive.torque_per_current
-    bins = signal_checks.by_position(
-        position[moving], velocity[moving], current[moving], _PER_BIN)
-    # Share of the motion in which the current overcomes friction.
-    right = 0.5 if bins is None else float(bins[2] @ (bins[0][:, 1] > bins[0][:, 0]))
-    if right < 1.0 - _SIGN_SHARE:
+        own = own + load / model.drive.torque_per_current
+    overcomes = current.pushes(position[moving], velocity[moving], own[moving], _PER_BIN)
+    if overcomes is False:
         return [Finding(PROBLEM, joint, 'the current opposes the motion: at the same positions it '
                         'is larger backwards than forwards, so that friction would supply energy',
                         'reverse the sign of effort, or that of position and velocity, in the '
                         'driver before compensating')]
-    sign = (Finding(OK, joint, 'current and motion have the same sign') if right > _SIGN_SHARE else
+    sign = (Finding(OK, joint, 'current and motion have the same sign') if overcomes else
             Finding(NOTE, joint, 'the sign of effort could not be checked: it hardly passed the '
                     'same positions in both directions', 'run doctor again while it moves to and '
                     'fro'))

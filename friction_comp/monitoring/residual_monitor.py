@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from friction_comp.checks import check_number
+from friction_comp.facts.motion import STANDSTILL
 from friction_comp.model.friction_change import friction_change, FrictionChange
 from friction_comp.model.measured import LARGER, Recorded
 from friction_comp.number_text import quantity
 from friction_comp.samples import Samples
-from friction_comp.signal_checks import STANDSTILL
 from friction_comp.statistics import quantile_edges, rms
 
 # Length of a block and of the shortest one that is used, s.

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from friction_comp.errors import InputError
+from friction_comp.facts.timing import gap_length
 from friction_comp.recordings.row_times import spread_rounded
-from friction_comp.recordings.time_base import gap_length
 
 # Longest usual time from row to row, s, over which a velocity tells a motion: between rows that are
 # farther apart, a joint may start and stop.

@@ -11,21 +11,18 @@ from pathlib import Path
 import numpy as np
 
 from friction_comp.checks import one_of
-from friction_comp.controller_effort import without_link_torque
+from friction_comp.controller_effort import load_behind_gear
 from friction_comp.errors import InputError
+from friction_comp.facts.current import wrong_sign
+from friction_comp.facts.motion import glitches, impossible, turns_of, velocity_agreement
 from friction_comp.recordings import row_times, time_base
 from friction_comp.recordings.activity import Activity
-from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import Scan, signal_of, Track
 from friction_comp.samples import JointStates, Samples
-from friction_comp.statistics import smallest_step
 from friction_comp.topics import TOPICS
 
 # A joint whose position covers more, rad or m, moved.
 _MOVED = 0.01
-# A position that is so many times as far from its neighbours as is usual is a glitch, if these are
-# rare; fewest positions that tell.
-_GLITCH, _GLITCHES, _FEWEST_OF_GLITCHES = 20.0, 0.005, 200
 # Share of a signal's variance that may be its rounding, where it is a multiple of another.
 _ROUNDED = 1e-4
 
@@ -101,7 +98,7 @@ def to_samples(scan: Scan, joint: str | None,
                                     info.notes)
     stamp = shifts.apply(stamp, track.order)
     position, velocity, effort = values.T[:3]
-    effort, load = without_link_torque(
+    load = load_behind_gear(
         effort, values[:, 3] if values.shape[1] > 3 else None,
         not (scan.effort_is_current or scan.effort_unit), info.notes)
     for name, signal in (('position', position), ('effort', effort)):
@@ -132,7 +129,7 @@ def to_samples(scan: Scan, joint: str | None,
                                     info.notes)
     (velocity, measured), order = (
         row_times.fresh_velocity(velocity, order, fresh, info.notes), order[fresh])
-    odd = _glitches(position[order])
+    odd = glitches(position[order])
     if odd.any():
         info.notes.append(f'{np.count_nonzero(odd)} joint states left out: position jumps away and '
                           'back within one sample')
@@ -241,22 +238,27 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
                        np.column_stack(speeds) if all_have_velocity else None)
 
 
-def _glitches(position: np.ndarray) -> np.ndarray:
-    """Return which positions are far from both neighbours, which agree, bool, shape (N,).
+def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
+    """Raise InputError for samples that are physically impossible.
 
-    No joint jumps away and back. Where many do, it is no matter of single samples, and none is.
+    Results from such recordings would look valid. `alone` says that no other joint of the recording
+    moved: then the weight depends on the position alone, and the motor's mean power must be
+    positive.
     """
-    odd = np.zeros(len(position), dtype=bool)
-    if len(position) < _FEWEST_OF_GLITCHES:
-        return odd
-    away = np.abs(position[1:-1] - 0.5 * (position[2:] + position[:-2]))
-    usual = max(float(np.quantile(away, 0.98)), smallest_step(position))
-    odd[1:-1] = (away > _GLITCH * usual) & (np.abs(position[2:] - position[:-2]) < 0.5 * away)
-    return odd if odd.mean() < _GLITCHES else np.zeros_like(odd)
+    fault, velocity = impossible(samples), samples.velocity
+    # Some drivers publish zeros where they measure no velocity.
+    if not fault and velocity is not None and velocity.any():
+        agreement = velocity_agreement(samples.time, samples.position, velocity)
+        fault = agreement.cause and agreement.fault + (
+            ' (--unit says it, such as velocity=deg/s, velocity=turn/s or position=turn)')
+    fault = fault or wrong_sign(samples, alone)
+    if fault:
+        joint = f'joint {samples.joint!r}: ' if samples.joint else ''
+        raise InputError(f'{name}: {joint}{fault}')
 
 
 def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
-    turns = time_base.turns_of(time, position)
+    turns = turns_of(time, position)
     if not turns.any():
         return position
     notes.append(f'position wraps around {np.count_nonzero(np.diff(turns))} times: turns are added')

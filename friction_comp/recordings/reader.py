@@ -12,13 +12,14 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.facts.timing import gap_length
 from friction_comp.layout import Layout
 from friction_comp.recordings import joint_samples, sources
 from friction_comp.recordings.joint_samples import RecordingInfo
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.sources import Progress
 from friction_comp.recordings.storage import AnyPath
-from friction_comp.recordings.time_base import gap_length, GAPS
+from friction_comp.recordings.time_base import GAPS
 from friction_comp.samples import Samples
 from friction_comp.used_columns import idle_note
 

@@ -14,6 +14,7 @@ import re
 import numpy as np
 
 from friction_comp.errors import InputError
+from friction_comp.facts.timing import held_rows
 from friction_comp.recordings.table_base import Table
 from friction_comp.statistics import smallest_step
 
@@ -127,20 +128,12 @@ def check_resolution(stamp: np.ndarray, where: str) -> None:
 def fresh_rows(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
     """Return the indices of the rows that hold a new position, or all if none are repeated.
 
-    A slow motion repeats positions too, up to the next step of the encoder. Values are held if
-    they then change by more than such a step. During rests rows are kept at the same rate.
+    During rests rows are kept at the same rate.
     """
     everything = np.arange(len(position))
-    change = np.diff(position)
-    changed = np.flatnonzero(change) + 1
-    if len(changed) < _FEWEST_CHANGES:
+    if (held := held_rows(position)) < 2:
         return everything
-    held = int(np.median(np.diff(changed)))
-    resolution = smallest_step(position)
-    coarse = np.mean(np.abs(change[changed - 1]) < 1.5 * resolution)
-    if held < 2 or coarse > 0.5:
-        return everything
-    begin = np.concatenate(([0], changed))
+    begin = np.concatenate(([0], np.flatnonzero(np.diff(position)) + 1))
     since = everything - begin[np.searchsorted(begin, everything, side='right') - 1]
     rows = np.flatnonzero(since % held == 0)
     duration = float(time[-1] - time[0])

@@ -15,6 +15,8 @@ from friction_comp.column_names import in_turns_of, is_of_motor, read_name, read
 from friction_comp.column_values import to_csv
 from friction_comp.columns import assign, Assignment
 from friction_comp.errors import InputError
+from friction_comp.facts.motion import not_in_radians
+from friction_comp.facts.timing import not_in_seconds, unit_for
 from friction_comp.files import write_atomically
 from friction_comp.layout import Layout
 from friction_comp.recordings.integral import Integral
@@ -25,7 +27,7 @@ from friction_comp.recordings.sparse_rows import gathered
 from friction_comp.recordings.storage import unreadable_on_error
 from friction_comp.recordings.table_base import Columns
 from friction_comp.recordings.table_files import of_one_clock, open_table, pyarrow_of
-from friction_comp.recordings.told_units import angle_fault, rate_fault, time_fault, unit_of_dates
+from friction_comp.recordings.told_units import unit_of_dates
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 from friction_comp.units import unit_factor
@@ -164,9 +166,9 @@ class TableScanner:
         for place, column in enumerate(self._use.columns):
             said, values = f'{self._path}: column {column.name!r}', columns[column.name]
             if column.signal == 'position' and not column.stated:
-                if fault := angle_fault(values):
-                    raise InputError(
-                        f'{said} {fault}: give its unit, --unit position=turn, deg or rad')
+                if fault := not_in_radians(values):
+                    raise InputError(f'{said} {fault}: give its unit, --unit position=deg, turn, '
+                                     'counts/4096 (counts in a turn) or rad')
                 if make := in_turns_of(column.name):
                     raise InputError(
                         f'{said} is called as by {make}, which reports turns: give its unit, '
@@ -185,13 +187,12 @@ class TableScanner:
                 self._use.notes[:] = [note.replace(
                     f'time={column.name} in s', f'time={column.name} in {unit}, dates')
                     for note in self._use.notes]
-            elif finite.size and (np.abs(column.factor * finite) >= _LATEST).all():
-                raise InputError(f'{said} holds values such as {finite[0]:.4g}, which are no times '
-                                 f'in {column.unit}: give their unit, for instance --unit time=ns')
-            elif not column.stated and (fault := time_fault(values)):
-                raise InputError(f'{said} {fault}, or the rows per second with --rate')
-            elif 'time' not in self._layout.units and (fault := rate_fault(values, column.unit)):
-                raise InputError(f'{said} {fault}')
+            elif 'time' not in self._layout.units and (
+                    fault := not_in_seconds(values, column.factor, column.stated)):
+                unit = unit_for(values)
+                raise InputError(f'{said} {fault}: give its unit, for instance --unit time={unit}'
+                                 + ', or time=s' * (unit != 's')
+                                 + ', or the rows per second with --rate')
 
     def _whole_rows(self, columns: Columns, time: np.ndarray) -> tuple[Columns, np.ndarray]:
         """Return columns and times, s, of rows that hold position and effort."""
@@ -221,9 +222,6 @@ class TableScanner:
             if column.stated or len(values) < _FEWEST_RAW or (values != np.round(values)).any():
                 continue
             said = f'column {column.name!r} holds whole numbers without a unit'
-            if column.signal == 'position' and np.ptp(values) > 2.0 * np.pi:
-                raise InputError(f'{self._path}: {said}: give it, for instance --unit '
-                                 'position=counts/4096 (counts in a turn), or position=deg')
             if column.signal == 'velocity' and np.ptp(values) > 2.0:
                 if any(one.integrated for one in self._use.columns):
                     raise InputError(f'{self._path}: {said}: give it, for instance --unit '

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.facts.motion import turns_of
+from friction_comp.facts.timing import gap_length, rhythm
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.stamps import NANO
 from friction_comp.topics import TORQUE_UNIT
@@ -20,10 +22,6 @@ _LARGEST_AFTER_ZERO = NANO
 _SET_BACK = 20
 # Distance of a stamp from its neighbours above which it is an outlier, ns.
 _FAR_OFF = NANO
-# A gap is longer than both: a number of median time steps, and a time in s.
-_GAP_STEPS, _GAP = 5.0, 0.02
-# A jump by about so much of a turn is a wrapped angle, if others are no larger than a share of it.
-_WRAP, _SLOW = (0.9, 1.1), 0.05
 # Time for which a person's torque or the motion may be interpolated, s; a driver does not keep the
 # current of a command for longer (the plant's `command_timeout`).
 HOLE = 0.1
@@ -97,7 +95,6 @@ def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
     """
     shifts = Shifts()
     steps = np.diff(times)
-    usual_step = int(np.median(steps[steps > 0])) if (steps > 0).any() else 0
     shift = 0
     for k in np.nonzero(steps < 0)[0] + 1:
         following = times[k:k + _SET_BACK]
@@ -105,7 +102,7 @@ def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
                 or (np.diff(following) < 0).any()):
             continue
         elapsed = int(receive[k] - receive[k - 1])
-        gap = elapsed if elapsed > 0 else round(2.0 * max(_GAP_STEPS * usual_step, _GAP * NANO))
+        gap = elapsed if elapsed > 0 else round(2.0 * NANO * gap_length(1e-9 * steps))
         back = int(times[k - 1] - times[k])
         shift += back + gap
         shifts.at.append(int(order[k]))
@@ -113,29 +110,6 @@ def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
         notes.append(f'the clock was set back by {back / NANO:.3g} s after '
                      f'{(times[k - 1] - times[0]) / NANO:.3f} s: later times are shifted')
     return shifts
-
-
-def gap_length(steps: np.ndarray) -> float:
-    """Return the time in s above which one of these time steps, shape (N,), counts as a gap.
-
-    Steps of 0, of messages that were sent again, say nothing of the usual one.
-    """
-    steps = steps[steps > 0.0]
-    return max(_GAP_STEPS * float(np.median(steps)), _GAP) if len(steps) else _GAP
-
-
-def turns_of(time: np.ndarray, angle: np.ndarray, turn: float = 2.0 * np.pi) -> np.ndarray:
-    """Return the whole turns to add to an angle, which may wrap around, each of shape (N,).
-
-    Times are in s; a `turn` is in the angle's unit. Across a gap the joint may have moved.
-    """
-    jumps, steps = np.diff(angle), np.diff(time)
-    size = np.abs(jumps) / turn
-    wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (steps <= gap_length(steps))
-    # Jumps are wraps only if the joint is slow otherwise.
-    if not wraps.any() or np.quantile(size, 0.9) > _SLOW:
-        return np.zeros(len(angle))
-    return np.concatenate(([0.0], np.cumsum(np.where(wraps, -np.sign(jumps), 0.0))))
 
 
 def at_times(times: np.ndarray, own: np.ndarray, values: np.ndarray, hole: float = 0.0,
@@ -160,14 +134,9 @@ def at_times(times: np.ndarray, own: np.ndarray, values: np.ndarray, hole: float
 
 def note_gaps(times: np.ndarray, notes: list[str]) -> None:
     """Note gaps in joint states; times in s, ascending, shape (N,)."""
-    steps = np.diff(times)
-    if not len(steps):
-        return
-    gaps = np.nonzero(steps > gap_length(steps))[0]
-    if len(gaps):
-        longest = gaps[np.argmax(steps[gaps])]
-        notes.append(f'{len(gaps)}{GAPS}, the longest of {steps[longest]:.3g} s after '
-                     f'{times[longest] - times[0]:.3f} s')
+    _, gaps, longest, before = rhythm(times)
+    if gaps:
+        notes.append(f'{gaps}{GAPS}, the longest of {longest:.3g} s after {before:.3f} s')
 
 
 @dataclass

@@ -15,6 +15,8 @@ import math
 import numpy as np
 
 from friction_comp.drive import Drive
+from friction_comp.facts.motion import STANDSTILL, velocity_agreement
+from friction_comp.facts.timing import lost_rows
 from friction_comp.model.effects import Coverage, EFFECTS
 from friction_comp.model.effects.definitions import RESISTS, too_coarse
 from friction_comp.model.friction_numbers import FrictionNumbers
@@ -28,7 +30,6 @@ from friction_comp.refinement.result import Errors, Finding, FoundEffect, Predic
 from friction_comp.refinement.search import Search
 from friction_comp.refinement.stability import Disagreement, POSTURE, RECORDING, starts_of
 from friction_comp.samples import Samples
-from friction_comp.signal_checks import lost_rows, STANDSTILL, velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
 
 STEPS = 'steps of the velocity'
@@ -316,8 +317,8 @@ def helped_person(samples: Samples, accelerates: bool) -> Finding | None:
 
 def fault_of_velocity(raw: Samples) -> str:
     """Return how the recorded velocity contradicts the position, beside a delay; '' if not."""
-    return '' if raw.velocity is None else velocity_fault(velocity_ratios(
-        raw.time, raw.position, raw.velocity, raw.position_step), thresholds.VELOCITY_RATIO)
+    return '' if raw.velocity is None else velocity_agreement(
+        raw.time, raw.position, raw.velocity, raw.position_step).fault
 
 
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:

@@ -132,8 +132,6 @@ INSEPARABLE = Threshold(
     0.97, 'rank correlation', 'of another variable with the one found: it may be the cause')
 CORRELATED = Threshold(
     0.8, 'rank correlation', 'of two coefficients over resampled blocks: the pair is reported')
-VELOCITY_RATIO = Threshold(
-    1.2, 'times', 'the rate of position: beyond it the recorded velocity is reported as wrong')
 
 
 def table() -> list[tuple[str, float, str, str]]:
