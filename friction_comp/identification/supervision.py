@@ -156,10 +156,10 @@ class Supervision:
         moves = abs(self._currents.commanded) > 0.1 * abs(wanted)
         if self._confirmed or moves or abs(wanted) < _HELD_SHARE * self._drive.current_limit:
             return
-        if not 1.0 / _FACTOR <= given / wanted <= _FACTOR:
+        if not 1.0 / FOLLOWS <= given / wanted <= FOLLOWS:
             raise IdentificationError(
                 f'the measured current is {given / wanted:.2g} times the {self._say(wanted)} that '
-                f'carry the joint by its model: {current_fault(given / wanted, self._drive)}')
+                f'carry the joint by its model: {gain_fault(given / wanted, self._drive)}')
 
     def is_current_confirmed(self) -> bool:
         """Return whether the measured current is confirmed to be the commanded one."""
