@@ -8,8 +8,8 @@ import sys
 import numpy as np
 
 from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.force_sensor import ForceDirection
 from friction_comp.direction.planned_direction import PlannedDirection
-from friction_comp.direction.sensed_direction import SensedDirection
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.figures import curve, new_figure, styled, to_file, to_svg
@@ -41,7 +41,7 @@ def torque(time):
 def sensed():
     """Return times, the sensor's values, and what was announced."""
     plant = CheapForce(np.ones(1), 1, 100.0)
-    source = SensedDirection(plant.range)
+    source = ForceDirection(plant.range)
     begin, rows, said = -CALIBRATED - 0.5, [], []
     for k in range(round((LAST - begin) * 100)):
         time = begin + 0.01 * (k + 1)
@@ -53,6 +53,7 @@ def sensed():
             source.begin_calibration()
         elif abs(time + 0.9) < 5e-3:
             source.end_calibration()
+            assert not source.failure, source.failure
         rows.append((time, values[-1]))
         said.append(source.at(time).direction)
     return (*np.array(rows).T, np.array(said))

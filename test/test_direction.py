@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.force_sensor import CALIBRATION_TIME, ChangeTest, ForceDirection
 from friction_comp.direction.planned_direction import PlannedDirection
-from friction_comp.direction.sensed_direction import CALIBRATION_TIME, SensedDirection
 from friction_comp.errors import InputError
 from friction_comp.simulation.cheap_sensors import CheapForce, FAULTS
 
@@ -25,7 +25,7 @@ class Hand:
 
     def __init__(self, seed=5):
         self.random = np.random.default_rng(seed)
-        self.source = SensedDirection(COUNTS)
+        self.source = ForceDirection(COUNTS)
         self.time, self.position = 0.0, 0.0
 
     def feel(self, value):
@@ -42,6 +42,7 @@ class Hand:
         for _ in range(round(100 * CALIBRATION_TIME) + 1):
             assert self.feel(rest) == 0
         self.source.end_calibration()
+        assert not self.source.failure
         for _ in range(40):
             assert self.feel(rest) == 0
         return self
@@ -107,25 +108,26 @@ def test_a_joint_that_moves_the_other_way_three_times_says_that_the_sign_is_wron
     assert {hand.feel(500.0 + 3.0 * k) for k in range(20)} == {0}
 
 
-def test_a_calibration_needs_a_sensor_that_lives_and_a_joint_at_rest():
-    for values, words in ((lambda k: 500.0, 'flat'), (lambda k: 1023.0, 'saturated'),
-                          (lambda k: math.nan, 'not finite')):
-        source = SensedDirection(COUNTS)
-        source.begin_calibration()
-        for k in range(320):
-            source.add(0.01 * k, [values(k)])
-        with pytest.raises(InputError, match=words):
-            source.end_calibration()
-        assert source.at(3.2).fault
-    hand = Hand()
-    hand.source.begin_calibration()
-    for _ in range(310):
-        hand.position += 0.001
-        hand.feel(500.0)
-    with pytest.raises(InputError, match='moved during the calibration'):
-        hand.source.end_calibration()
+@pytest.mark.parametrize(('value', 'speed', 'words'), [
+    (lambda k: 500.0, 0.0, 'flat'), (lambda k: 1023.0, 0.0, 'saturated'),
+    (lambda k: math.nan, 0.0, 'not finite'), (lambda k: 500.0 + k % 5, 0.1, 'the joint moved'),
+    (lambda k: 500.0 + k % 5, math.nan, 'missing')])
+def test_a_calibration_needs_a_sensor_that_lives_and_a_joint_at_rest(value, speed, words):
+    source = ForceDirection(COUNTS)
+    source.begin_calibration()
+    for k in range(340):
+        source.motion.add(0.01 * k, 0.01 * k * speed)
+        source.add(0.01 * k, [value(k)])
+    source.end_calibration()
+    assert words in source.failure
+    said = source.at(3.4)
+    assert said.fault
+    assert words in said.reason
+
+
+def test_a_range_of_values_is_needed():
     with pytest.raises(InputError, match='sensor_range'):
-        SensedDirection((0.0, 0.0))
+        ForceDirection((0.0, 0.0))
 
 
 def test_a_calibration_is_over_after_three_seconds_whoever_ends_it():
@@ -138,6 +140,24 @@ def test_a_calibration_is_over_after_three_seconds_whoever_ends_it():
     assert not hand.source.calibrating
     assert [hand.feel(500.0 + 3.0 * k) for k in range(20)][-1] == 1
     hand.source.end_calibration()
+    assert not hand.source.failure
+
+
+@pytest.mark.parametrize('kind', ['white', 'tremor'])
+def test_three_seconds_show_the_scatter_well_enough(kind):
+    random, false = np.random.default_rng(1), 0
+    for _ in range(20):
+        noise = random.normal(size=300 + 100 * 60)
+        if kind == 'tremor':
+            noise += 4.0 * np.sin(0.5 * np.arange(len(noise)) + random.uniform(0.0, 6.0))
+        test = ChangeTest(noise[:300], 100.0)
+        for value in noise[300:].tolist():
+            if test.add(value):
+                false += 1
+                test.settle(0.0)
+            test.follow(value)
+    # 20 minutes at 0.25 an hour.
+    assert false <= 1
 
 
 def test_a_jump_is_no_push():
@@ -151,7 +171,7 @@ def test_a_jump_is_no_push():
 def simulated(fault, seed):
     """Return what is announced, and why, in two seconds after a fault that begins at rest."""
     plant = CheapForce(np.ones(1), seed, 100.0)
-    source, said = SensedDirection(plant.range), []
+    source, said = ForceDirection(plant.range), []
     for k in range(750):
         time = 0.01 * (k + 1)
         source.motion.add(time, 0.0)

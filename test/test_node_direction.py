@@ -17,8 +17,6 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from friction_comp.nodes.direction import DirectionNode
-from friction_comp.ros.executor import yield_to_executor
 from friction_comp.stamps import nanoseconds
 
 NANO = 1_000_000_000
@@ -176,24 +174,3 @@ def test_a_sensor_announces_after_its_calibration_and_not_while_it_is_silent(tmp
         assert desk.process.wait() == 0
         desk.probe.until(lambda: desk.said and list(desk.said[-1].velocity) == [0.0, 0.0],
                          'the end of all announcements')
-
-
-def test_who_waits_for_a_calibration_that_raises_is_not_told_that_it_succeeded():
-    class Half:
-        _calibrating, _failures = False, []
-
-        async def _calibrate(self):
-            await yield_to_executor()
-            raise RuntimeError
-
-    node, answer = Half(), Trigger.Response()
-    first, second = (DirectionNode._on_calibrate(node, None, one)
-                     for one in (Trigger.Response(), answer))
-    first.send(None)
-    second.send(None)
-    with pytest.raises(RuntimeError):
-        first.send(None)
-    with pytest.raises(StopIteration):
-        second.send(None)
-    assert not answer.success
-    assert 'error' in answer.message

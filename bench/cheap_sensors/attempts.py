@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from friction_comp.direction.sensed_direction import CALIBRATION_TIME, SensedDirection
+from friction_comp.direction.force_sensor import CALIBRATION_TIME, ForceDirection
 from friction_comp.simulation.cheap_sensors import CheapForce
 
 STEP = 1e-3
@@ -34,7 +34,7 @@ class Sensors:
 
     def __init__(self, breakaway, seed, rate=100.0):
         self.plant = CheapForce(breakaway, seed, rate)
-        self.sources = [SensedDirection(self.plant.range) for _ in breakaway]
+        self.sources = [ForceDirection(self.plant.range) for _ in breakaway]
         self.time = 0.0
         self.is_pushed = np.zeros(len(breakaway), dtype=bool)
 
@@ -69,6 +69,7 @@ class Sensors:
         self.play(torque[begin:begin + round((CALIBRATION_TIME + 0.1) / STEP)])
         for source in self.sources:
             source.end_calibration()
+            assert not source.failure, source.failure
 
 
 def attempts(joints, each, seed):

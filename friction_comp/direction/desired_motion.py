@@ -13,8 +13,7 @@ from __future__ import annotations
 from collections import deque
 import math
 
-from friction_comp.direction.announcement import Announcement
-from friction_comp.direction.joint_motion import JointMotion
+from friction_comp.direction.joint_motion import Announcement, JointMotion
 
 # Time over which the distance is covered, s.
 _WINDOW = 0.2

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from friction_comp.direction.announcement import Announcement
+from friction_comp.direction.joint_motion import Announcement
 from friction_comp.errors import InputError
 from friction_comp.exercise.exercise_script import ExerciseScript
 

@@ -21,10 +21,10 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from friction_comp.control.joint_states import JointColumns
-from friction_comp.direction.announcement import Announcement
 from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.force_sensor import ForceDirection
+from friction_comp.direction.joint_motion import Announcement
 from friction_comp.direction.planned_direction import PlannedDirection
-from friction_comp.direction.sensed_direction import CALIBRATION_TIME, SensedDirection
 from friction_comp.errors import InputError
 from friction_comp.ros.diagnostics import Diagnostics, OK, WARN
 from friction_comp.ros.executor import yield_to_executor
@@ -35,8 +35,8 @@ from friction_comp.stamps import NANO, nanoseconds, set_stamp
 AXES = ('torque.z', 'torque.y', 'torque.x', 'force.z', 'force.y', 'force.x')
 # s after which a position is too old.
 _MAX_AGE = 0.2
-# Real s after which a calibration is given up: the clock may stand still.
-_PATIENCE = 30.0
+# Real s after which a calibration is given up, which takes three by the clock.
+_PATIENCE = 12.0
 
 
 class DirectionNode(Node):
@@ -54,10 +54,7 @@ class DirectionNode(Node):
         self._seen = -math.inf
         self._columns = JointColumns(self._joints)
         self._refused = ''
-        self._sensors: list[SensedDirection] = []
-        # Indices of those to calibrate as soon as their joints' motion is known.
-        self._asked: set[int] = set()
-        self._calibrating, self._failures = False, list[str]()
+        self._sensors: list[ForceDirection] = []
         self._declare()
         self._qos = input_qos(self)
         self._at: Callable[[float], list[Announcement]] = getattr(self, f'_begin_{source}')()
@@ -113,9 +110,9 @@ class DirectionNode(Node):
         if len(span) != 2:
             raise InputError(f'parameter sensor_range: two values are needed, not {list(span)}')
         self._component = attrgetter(self._value('axis'))
-        self._sensors = [SensedDirection(span) for _ in self._joints]
-        if self._value('calibrate_at_start'):
-            self._asked = set(range(len(self._sensors)))
+        self._sensors = [ForceDirection(span) for _ in self._joints]
+        for sensor in self._sensors if self._value('calibrate_at_start') else ():
+            sensor.begin_calibration()
         self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, self._qos)
         self.create_subscription(WrenchStamped, 'sensor_wrench', self._on_wrench, self._qos)
         self._listen([sensor.motion for sensor in self._sensors])
@@ -177,13 +174,10 @@ class DirectionNode(Node):
 
     def _feel(self, joint: int, now: float, values: Any) -> None:
         sensor = self._sensors[joint]
-        if joint in self._asked and sensor.motion.known(now):
-            self._asked.remove(joint)
-            sensor.begin_calibration()
         calibrating = sensor.calibrating
         sensor.add(now, values)
         if calibrating and not sensor.calibrating:
-            self.get_logger().info(f'{self._joints[joint]}: {sensor.at(now).reason}')
+            self.get_logger().info(f'{self._joints[joint]}: {sensor.failure or "calibrated"}')
 
     def _refuse(self, why: str) -> None:
         if why != self._refused:
@@ -192,47 +186,21 @@ class DirectionNode(Node):
 
     async def _on_calibrate(self, _: Any, response: Any) -> Any:
         """Calibrate all sensors at rest; who asks again meanwhile gets the same answer."""
-        if not self._calibrating:
-            self._calibrating = True
-            # The answer to all who wait if the calibration raises an error.
-            self._failures = ['the calibration was broken off by an error']
-            try:
-                self._failures = await self._calibrate()
-            finally:
-                self._calibrating = False
-        while self._calibrating:
+        sensors = self._sensors
+        if not any(sensor.calibrating for sensor in sensors):
+            for sensor in sensors:
+                sensor.begin_calibration()
+        end = time.monotonic() + _PATIENCE
+        while any(sensor.calibrating for sensor in sensors) and time.monotonic() < end:
             await yield_to_executor()
-        response.success = not self._failures
-        response.message = '; '.join(self._failures) or 'calibrated'
+        for sensor in sensors:
+            sensor.end_calibration()
+        failures = [f'{joint}: {sensor.failure}' for joint, sensor in zip(self._joints, sensors)
+                    if sensor.failure]
+        response.success = bool(sensors) and not failures
+        response.message = ('; '.join(failures) or 'calibrated') if sensors else (
+            'only the source sensor is calibrated')
         return response
-
-    async def _calibrate(self) -> list[str]:
-        """Calibrate all sensors and return what failed."""
-        if not self._sensors:
-            return ['only the source sensor is calibrated']
-        self._asked = set(range(len(self._sensors)))
-        patience, begin, missing = time.monotonic() + _PATIENCE, self._now(), self._joints
-        # A sensor that is silent does not begin. Before the first joint states, even a clock may be
-        # missing.
-        while (self._asked or any(sensor.calibrating for sensor in self._sensors)) and (
-                time.monotonic() < patience and self._now() - begin < 1.5 * CALIBRATION_TIME):
-            missing = [joint for joint, sensor in zip(self._joints, self._sensors)
-                       if not sensor.motion.known(self._now())]
-            begin = self._now() if missing else begin
-            await yield_to_executor()
-        if self._asked and missing:
-            self._asked = set()
-            return [f'joint_states of {", ".join(missing)} are missing']
-        failures = []
-        for j, (joint, sensor) in enumerate(zip(self._joints, self._sensors)):
-            try:
-                if j in self._asked:
-                    sensor.begin_calibration()
-                sensor.end_calibration()
-            except InputError as error:
-                failures.append(f'{joint}: {error}')
-        self._asked = set()
-        return failures
 
     def _announce(self) -> None:
         now = self._now()

@@ -1,0 +1,291 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The direction in which a person begins to move a joint, from a cheap sensor of force.
+
+The sensor is calibrated at rest. From then on one test tells when its value has left that of rest:
+a cumulative sum of deviations (CUSUM; Page 1954), whose limit follows from the rate of false alarms
+(Lorden 1971). The direction is the side of the force. It begins at rest, since only there is a push
+an attempt to move, and ends with the push or the motion; whatever is in doubt announces nothing.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.direction.joint_motion import Announcement, JointMotion, STILL
+from friction_comp.errors import InputError
+
+CALIBRATION_TIME = 3.0
+"""s at rest."""
+FALSE_ALARMS = 0.25
+"""Alarms per hour without cause, at most."""
+# Standard deviations by which a value may deviate without adding to a sum: half of the smallest
+# change that is to be found; and limits of the sum from which on a push is beyond doubt: without a
+# cause, once in a thousand years.
+_ALLOWANCE, _SURE = 1.5, 2.0
+# s with which the level at rest follows, and the scatter when it grows and when it shrinks; by how
+# much both are behind, so that an onset does not hide itself.
+_LEVEL, _GROWS, _SHRINKS, _BEHIND = 1.0, 0.2, 30.0, 0.15
+# Share of the range at its ends that counts as saturated; s of silence, and of equal values.
+_RAIL, _SILENT, _FLAT = 0.005, 0.1, 0.3
+# Values on the same side that an onset needs, and the share of their rise that, made in a single
+# step, is a jump: the fastest contractions take 60 ms (Aagaard et al. 2002).
+_AGREE, _JUMP = 3, 0.8
+# s of rest before an attempt, and after it; share of the largest force of the attempt below which
+# it is over; s without motion after which it is taken back.
+_REARM, _OVER, _RELEASE, _PATIENCE = 0.3, 0.15, 0.2, 3.0
+# Attempts in a row in which the joint moved the other way.
+_CONTRADICTIONS = 3
+
+
+class ChangeTest:
+    """Tests values for a rise or a fall from their level at rest; learnt from values at rest, (N,).
+
+    `level` and `scatter` (a standard deviation) follow the values while `follow` is called. `alarm`
+    is +1 or -1 while they are above or below, else 0, `sure` the same beyond doubt.
+    """
+
+    def __init__(self, values: np.ndarray, rate: float) -> None:
+        time = np.arange(len(values))
+        own = values - np.polyval(np.polyfit(time, values, 1), time)
+        # The upper limit (99 %) of what so few values show, and at least a step of the converter.
+        known = float(np.std(own)) * (1.0 + 2.33 / math.sqrt(2.0 * len(own)))
+        steps = np.abs(np.diff(values))
+        self._least = max(known, float(steps[steps > 0.0].min(initial=math.inf))) ** 2
+        self._variance = self._recent = self._least
+        # Two sides. The sum times twice the allowance is one of log likelihood ratios.
+        self.limit = math.log(2.0 * 3600.0 * rate / FALSE_ALARMS) / (2.0 * _ALLOWANCE)
+        self._step, self._delay = 1.0 / rate, round(_BEHIND * rate)
+        self.settle(float(values.mean()))
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation at rest; never below that of the calibration."""
+        return math.sqrt(self._variance)
+
+    def settle(self, level: float) -> None:
+        """Begin anew at a level of rest."""
+        self.level, self.alarm, self.sure = level, 0, 0
+        self._up = self._down = 0.0
+        self._waiting: deque[float] = deque()
+
+    def add(self, value: float) -> int:
+        """Add a value and return the alarm."""
+        z, most = (value - self.level) / self.scatter, _SURE * self.limit
+        self._up = min(most, max(0.0, self._up + z - _ALLOWANCE))
+        self._down = min(most, max(0.0, self._down - z - _ALLOWANCE))
+        self.sure = (self._up == most) - (self._down == most)
+        self.alarm = (self._up > self.limit) - (self._down > self.limit)
+        if self.alarm:
+            # What came before an alarm belongs to it.
+            self._waiting.clear()
+        return self.alarm
+
+    def follow(self, value: float) -> None:
+        """Let level and scatter follow a value at rest."""
+        self._waiting.append(value)
+        if len(self._waiting) <= self._delay:
+            return
+        deviation = self._waiting.popleft() - self.level
+        self.level += deviation * min(1.0, self._step / _LEVEL)
+        self._recent += min(1.0, self._step / _GROWS) * (deviation**2 - self._recent)
+        shrunk = self._variance * (1.0 - min(1.0, self._step / _SHRINKS))
+        self._variance = max(self._least, self._recent, shrunk)
+
+
+class ForceDirection:
+    """Announces the direction of one joint from its sensor.
+
+    The force is positive if it pushes towards larger positions. `sensor_range` are the lowest and
+    the highest value that the converter can give. Positions of the joint go to its `motion`. Why
+    the last calibration taught nothing is its `failure`, '' if it did. Raises InputError if the
+    range is none.
+    """
+
+    def __init__(self, sensor_range: tuple[float, float]) -> None:
+        low, high = sensor_range
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise InputError('sensor_range must be the lowest and the highest value that the '
+                             f'sensor can give, such as [0, 1023], not [{low:g}, {high:g}]')
+        margin = _RAIL * (high - low)
+        self._inside = low + margin, high - margin
+        self.motion = JointMotion()
+        self._resting, self._stopped = False, -math.inf
+        self.begin_calibration()
+        self.end_calibration()
+        self.failure = self._fault = 'not calibrated'
+
+    # Calibration.
+
+    @property
+    def calibrating(self) -> bool:
+        """Whether values are collected."""
+        return self._collected is not None
+
+    def begin_calibration(self) -> None:
+        """Collect values for `CALIBRATION_TIME` from when the joint's motion is known.
+
+        Nothing is announced before it has ended.
+        """
+        self._collected: list[np.ndarray] | None = []
+        self._begun = self._arrived = math.nan
+        self._test: ChangeTest | None = None
+        self._fault, self._against, self._run = 'calibrating', 0, 0
+        self._alarmed, self._side, self._hums_until = -math.inf, 0, -math.inf
+        self._stop(-math.inf, 'at rest')
+
+    def end_calibration(self) -> None:
+        """Learn from the values so far, if that is not done yet."""
+        if self._collected is None:
+            return
+        collected, self._collected = self._collected, None
+        values = np.concatenate(collected) if collected else np.zeros(0)
+        passed = self._arrived - self._begun
+        self.failure = self._unusable(values, passed)
+        self._fault = f'not calibrated: {self.failure}' if self.failure else ''
+        if self.failure:
+            return
+        # The first message has come at the beginning of the time that passed.
+        rate = (len(values) - len(collected[0])) / passed
+        changes = np.flatnonzero(np.diff(values) != 0.0)
+        longest = np.diff(np.concatenate([[-1], changes, [len(values) - 1]])).max()
+        self._flat, self._silent = max(4.0 * longest, _FLAT * rate), max(_SILENT, 5.0 / rate)
+        self._recent: deque[float] = deque(maxlen=max(_AGREE + 2, round(_REARM * rate)))
+        self._test = ChangeTest(values, rate)
+
+    def _unusable(self, values: np.ndarray, passed: float) -> str:
+        """Return why values at rest over a time in s teach nothing; '' if they do."""
+        if not self.motion.known(self._arrived):
+            return 'joint_states or values are missing'
+        if not (passed > 0.5 * CALIBRATION_TIME and len(values) > 20.0 * passed):
+            return (f'{len(values)} values in {CALIBRATION_TIME:g} s: at least 20 per second are '
+                    'needed')
+        if not np.isfinite(values).all():
+            return 'values that are not finite'
+        if not self._inside[0] < values.min() <= values.max() < self._inside[1]:
+            return f'saturated: values from {values.min():g} to {values.max():g}'
+        if np.count_nonzero(np.diff(values)) < 3:
+            return f'flat: {values[0]:g} does not change; is it connected?'
+        if self.motion.rest(self._arrived) < passed:
+            return 'the joint moved during the calibration'
+        return ''
+
+    # Values.
+
+    def add(self, time: float, values: Any) -> None:
+        """Take values, shape (N,), of which the last was measured at a time in s."""
+        samples = np.asarray(values, dtype=float)
+        if self._collected is not None:
+            if not self._collected and not self.motion.known(time):
+                return
+            self._begun = self._begun if self._collected else time
+            self._collected.append(samples)
+        self._arrived = time
+        # By the values' own time, so that what is learnt follows from them alone.
+        if self._collected is not None and time - self._begun >= CALIBRATION_TIME:
+            self.end_calibration()
+        elif self._test is not None:
+            for value in samples.tolist():
+                self._take(time, value, self._test)
+
+    def _take(self, time: float, value: float, test: ChangeTest) -> None:
+        recent = self._recent
+        self._run = self._run + 1 if recent and value == recent[-1] else 0
+        self._fault = self._find_fault(time, value)
+        if self._fault:
+            self._stop(time, self._fault)
+            recent.clear()
+            return
+        recent.append(value)
+        alarm = test.add(value)
+        if alarm:
+            if alarm == -self._side and time - self._alarmed < _SILENT:
+                self._hums_until = time + _FLAT
+            self._alarmed, self._side = time, alarm
+        if self._direction:
+            self._continue(time, value - test.level, alarm)
+        elif not self._resting:
+            if min(self.motion.rest(time), time - self._stopped) >= _REARM and self._quiet(test):
+                self._resting, self._reason = True, 'at rest'
+                test.settle(math.fsum(recent) / len(recent))
+        elif self.motion.rest(time) == 0.0:
+            self._stop(time, 'moves')
+        elif alarm:
+            self._begin(time, alarm, test)
+        else:
+            test.follow(value)
+
+    def _find_fault(self, time: float, value: float | None = None) -> str:
+        """Return what is wrong with the sensor, or with a value that has come; '' if nothing is."""
+        if value is None and time - self._arrived > self._silent:
+            return 'sensor: silent'
+        if value is not None and not self._inside[0] < value < self._inside[1]:
+            return f'sensor: saturated at {value:g}'
+        if self._run > self._flat:
+            return 'sensor: flat'
+        if time < self._hums_until:
+            # Within a tenth of a second it was above and below its rest.
+            return 'sensor: hums'
+        if self._against >= _CONTRADICTIONS:
+            return 'the joint moves against the sensor: is its sign reversed?'
+        return '' if self.motion.known(time) else 'joint_states are missing'
+
+    def _quiet(self, test: ChangeTest) -> bool:
+        """Return whether the values have not changed for as long as they are remembered."""
+        values, half = np.array(self._recent), len(self._recent) // 2
+        return len(values) == self._recent.maxlen and bool(
+            abs(values[half:].mean() - values[:half].mean()) < 2.0 * test.scatter)
+
+    def _begin(self, time: float, side: int, test: ChangeTest) -> None:
+        """Announce a side on which all of the last values are, unless they jumped there."""
+        values = [test.level, *list(self._recent)[-_AGREE - 1:]]
+        if not all((value - test.level) * side > 0.0 for value in values[-_AGREE:]):
+            return
+        steps = [side * (after - before) for before, after in zip(values, values[1:])]
+        largest, rise = max(steps[1:]), side * (values[-1] - values[0])
+        stands = len(set(values[-3:])) == 1
+        if stands or largest > max(_JUMP * rise, 6.0 * test.scatter):
+            # Only the next value tells the newest step from the beginning of a push.
+            if stands or steps[-1] < largest:
+                self._stop(time, 'a jump, no push')
+            return
+        self._direction, self._reason, self._resting = side, 'onset of a push', False
+        self._tried = self._strong = time
+        self._largest, self._moved = rise, False
+
+    def _continue(self, time: float, force: float, alarm: int) -> None:
+        """End the attempt if the sensor or the motion says that it is over."""
+        own, speed = force * self._direction, self.motion.speed * self._direction
+        self._largest = max(self._largest, own)
+        if own > _RELEASE * self._largest:
+            self._strong = time
+        if speed > STILL:
+            self._moved, self._against, self._tried = True, 0, time
+        if alarm == -self._direction:
+            self._stop(time, 'pushed the other way')
+        elif speed < -STILL and not self._moved:
+            self._against += 1
+            self._stop(time, 'moved against the push')
+        elif speed < -STILL or (self._moved and self.motion.rest(time) > _OVER):
+            self._stop(time, 'the movement is over')
+        elif time - self._strong > _OVER:
+            self._stop(time, 'the push is over')
+        elif time - self._tried > _PATIENCE:
+            self._stop(time, 'no movement followed')
+
+    def _stop(self, time: float, reason: str) -> None:
+        """Take back what is announced; the next attempt begins from rest."""
+        self._direction, self._reason, self._resting = 0, reason, False
+        self._stopped = time
+
+    def at(self, time: float) -> Announcement:
+        """Return what is announced at a time in s."""
+        if fault := self._fault or self._find_fault(time):
+            self._stop(time, fault)
+            return Announcement(0, fault, fault=True)
+        sure = 0 if self._test is None else self._test.sure
+        return Announcement(self._direction, self._reason, is_pushed=sure * self._direction > 0)
