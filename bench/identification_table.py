@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Judges identification on drives that share no code with the package and its other benches.
 
-    python3 bench/identification_table.py [--rates 1000 500 250 100] [--draws N] [--seed S]
+    python3 bench/identification_table.py [--rates 1000 500 250 100] [--kinds …] [--draws N]
+                                           [--seed S] [--processes N]
 
 Each kind is drawn afresh --draws times from --seed: even seeds are for tuning, odd ones are kept
 for judging. Contacts are chains of Maxwell elements or LuGre's; links may be elastic, gravity may
@@ -229,14 +230,15 @@ def main():
     """Print the table."""
     parser = table_parser(__doc__, seed=0, draws=4, processes=1)
     parser.add_argument('--rates', nargs='+', type=float, default=[1000.0, 500.0, 250.0, 100.0])
+    parser.add_argument('--kinds', nargs='+', default=list(KINDS), choices=KINDS)
     parser.add_argument('--words', action='store_true', help='print what each result says')
     options = parser.parse_args()
-    tasks = [(kind, k, options.seed, rate) for rate in options.rates for kind in KINDS
-             for k in range(options.draws)]
+    tasks = [(kind, k, options.seed, rate) for rate in options.rates
+             for kind in options.kinds for k in range(options.draws)]
     with processes(options.processes) as pool:
         found = list(pool.map(judge, tasks))
     print(f'seed {options.seed} ({"tuning" if options.seed % 2 == 0 else "kept"}), '
-          f'{len(KINDS) * options.draws} drives a rate; median and worst error, %')
+          f'{len(options.kinds) * options.draws} drives a rate; median and worst error, %')
     for rate in options.rates:
         own = [one for one in found if one['task'][3] == rate]
         done = [one for one in own if not one['refused']]

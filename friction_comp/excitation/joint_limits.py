@@ -14,6 +14,9 @@ from friction_comp.checks import check_number
 from friction_comp.errors import InputError, os_errors_name
 from friction_comp.files import read_yaml
 
+# rad, and rad/s, rad/s² and N·m, beyond any joint that is planned for.
+_FARTHEST, _LEAST, _MOST = 100.0, 1e-6, 1e6
+
 
 @dataclass(frozen=True)
 class JointLimits:
@@ -28,12 +31,11 @@ class JointLimits:
 
     def __post_init__(self) -> None:
         what = f'joint {self.joint!r}: the limit of'
-        check_number(self.lowest, f'{what} position')
-        check_number(self.highest, f'{what} position')
-        for name in ('velocity', 'acceleration'):
-            check_number(getattr(self, name), f'{what} {name}', above=0.0)
-        if self.effort != math.inf:
-            check_number(self.effort, f'{what} effort', above=0.0)
+        for end in (self.lowest, self.highest):
+            check_number(end, f'{what} position', least=-_FARTHEST, most=_FARTHEST)
+        for name in ('velocity', 'acceleration', 'effort'):
+            if name != 'effort' or self.effort != math.inf:
+                check_number(getattr(self, name), f'{what} {name}', least=_LEAST, most=_MOST)
         if not self.lowest < self.highest:
             raise InputError(f'joint {self.joint!r}: the lowest position {self.lowest:g} is not '
                              f'below the highest {self.highest:g}')

@@ -44,7 +44,8 @@ _MEAN = 0.3
 _STEEPEST = 1.875
 # Shortest time in which speed rises, s: it limits jerk, in short moves too.
 _LEAST_RAMP = 0.1
-_SPEEDS, _HARMONICS = 8, 5
+# Speeds of the staircase with which a plan is compared.
+_SPEEDS = 8
 
 
 @dataclass(frozen=True)
@@ -227,21 +228,3 @@ def staircase(limits: JointLimits, seconds: float, rate: float) -> Samples:
             return samples_of(moves, limits, seconds, rate)
         moves.append(move)
         time, position, side = time + move.duration, target, -side
-
-
-def fourier_series(limits: JointLimits, seconds: float, rate: float, seed: int) -> Samples:
-    """Return a random Fourier series with a period of 10 s, scaled to the limits."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(round(seconds * rate) + 1) / rate
-    frequency = 2.0 * np.pi / 10.0 * np.arange(1, _HARMONICS + 1)
-    phase = frequency * time[:, None] + rng.uniform(0.0, 2.0 * np.pi, _HARMONICS)
-    amplitude = rng.normal(0.0, 1.0, _HARMONICS) / frequency
-    position, velocity = np.sin(phase) @ amplitude, np.cos(phase) @ (amplitude * frequency)
-    acceleration = -np.sin(phase) @ (amplitude * frequency ** 2)
-    middle = 0.5 * (position.max() + position.min())
-    scale = MARGIN * min((limits.highest - limits.lowest) / np.ptp(position),
-                         limits.velocity / np.abs(velocity).max(),
-                         limits.acceleration / np.abs(acceleration).max())
-    return Samples(time=time, position=limits.centre + scale * (position - middle),
-                   velocity=scale * velocity, acceleration=scale * acceleration,
-                   current=np.zeros(len(time)), joint=limits.joint)

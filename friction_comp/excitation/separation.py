@@ -63,42 +63,30 @@ def _shown_by_motion(name: str) -> bool:
     return not _why_refused(name)
 
 
-def open_pairs(report: dict[str, Any]) -> list[Pair]:
-    """Return the pairs of effects that refinement's report.json leaves open, without duplicates.
+def pairs_in(report: Any, source: str) -> list[Pair]:
+    """Return the pairs of effects that refinement's report.json, called `source`, leaves open.
 
     They are the ambiguous pairs, and those of each uncertain effect with the effects of `DEFAULT`:
     one that some repeated searches do not choose, or on whose variable the error still depends.
+    Raises InputError if it is no such report, or leaves nothing open.
     """
+    try:
+        ambiguous = [sorted(map(str, entry['between'])) for entry in report['ambiguous']]
+        uncertain = [one['name'] for one in report.get('effects', ()) if one['chosen'] < _SURE]
+        unexplained = {one['variable'] for one in report.get('unexplained', ())}
+    except (AttributeError, KeyError, TypeError) as error:
+        raise InputError(f'{source}: is no report of refine: {error!r}') from None
     shown = [name for name in EFFECTS if _shown_by_motion(name)]
-    pairs: list[Pair] = []
-    for entry in report['ambiguous']:
-        between = sorted(map(str, entry['between']))
-        pairs += [pair for pair in combinations(shown, 2)
-                  if sorted(EFFECTS[name].variable for name in pair) == between]
-    uncertain = [one['name'] for one in report.get('effects', ()) if one['chosen'] < _SURE]
-    unexplained = {one['variable'] for one in report.get('unexplained', ())}
+    pairs = [pair for pair in combinations(shown, 2)
+             if sorted(EFFECTS[name].variable for name in pair) in ambiguous]
     uncertain += [name for name in DEFAULT if EFFECTS[name].variable in unexplained]
     for first in uncertain:
         if first in shown:
             pairs += [(first, second) for second in DEFAULT
                       if second != first and (second, first) not in pairs]
-    return list(dict.fromkeys(pairs))
-
-
-def pairs_in(report: Any, source: str) -> list[Pair]:
-    """Return the pairs that a report, called `source`, leaves open; or raise InputError."""
-    entries = report.get('ambiguous') if isinstance(report, dict) else None
-    if not isinstance(entries, list):
-        raise InputError(f"{source}: is no report of refine: it has no list 'ambiguous'")
-    for entry in entries:
-        between = entry.get('between') if isinstance(entry, dict) else None
-        if not isinstance(between, list) or len(between) != 2:
-            raise InputError(f"{source}: an entry of 'ambiguous' does not name two variables in "
-                             "'between'")
-    pairs = open_pairs(report)
     if not pairs:
         raise InputError(f'{source}: refine left nothing open that motion alone can tell apart')
-    return pairs
+    return list(dict.fromkeys(pairs))
 
 
 def coverage_within(limits: JointLimits, seconds: float) -> Coverage:

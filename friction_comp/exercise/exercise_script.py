@@ -24,16 +24,13 @@ from friction_comp.files import read_yaml
 FORMAT, VERSION = 'friction_comp_exercise', 1
 _UNITS = {'deg': math.pi / 180.0, 'rad': 1.0}
 _KEYS = {'format', 'version', 'unit', 'joints', 'repetitions', 'announcement', 'steps'}
-# Angles that differ by less, rad, are the same position.
-_SAME = 1e-9
-# Movements by less, rad, are rounding errors of a plan, and not announced.
-_LEAST = 2e-3
-# s: a shorter standstill is no rest.
-_REST = 0.05
+# Angles that differ by less, rad, are the same position; movements by less are rounding errors of a
+# plan, and not announced; and a shorter standstill, s, is no rest.
+_SAME, _LEAST, _REST = 1e-9, 2e-3, 0.05
 # Points at which deceleration is looked for, and share of the largest speed below which it begins.
 _GRID, _UNEVEN = 400, 0.97
-# All repetitions are computed at the beginning. So many of 10 s last more than a day.
-_MOST_REPETITIONS = 10_000
+# Longest step and exercise, s, and farthest angle, rad; all repetitions are computed at the start.
+_LONGEST, _FARTHEST, _MOST_REPETITIONS = 86_400.0, 1e3, 10_000
 
 
 class ExerciseScript:
@@ -67,8 +64,7 @@ class ExerciseScript:
         moving = 0.0 <= time <= self.duration
         position = np.array([float(path(inside)) for path in self._paths])
         velocity = np.array([float(speed(inside)) for speed in self._speeds]) * moving
-        direction = np.array([sign for sign, _ in self._spans_at(time)])
-        return position, velocity, direction
+        return position, velocity, np.array([sign for sign, _ in self._spans_at(time)])
 
     def ends(self, time: float) -> np.ndarray:
         """Return where the announced movements end, rad, shape (J,); NaN where none is."""
@@ -107,7 +103,8 @@ def exercise_of(document: Any) -> ExerciseScript:
     if (not isinstance(joints, list) or not joints or len(set(map(str, joints))) != len(joints)
             or not all(isinstance(name, str) and name for name in joints)):
         raise InputError('joints must be a list of distinct names')
-    announcement = check_number(document.get('announcement', 1.0), 'announcement', least=0.0)
+    announcement = check_number(
+        document.get('announcement', 1.0), 'announcement', least=0.0, most=_LONGEST)
     count = check_whole_number(
         document.get('repetitions', 1), 'repetitions', least=1, most=_MOST_REPETITIONS)
     steps = check_list(document.get('steps'), 'steps')
@@ -141,18 +138,20 @@ def _step(name: str, step: Any, joints: list[str], before: np.ndarray,
           unit: float) -> tuple[float, np.ndarray]:
     """Return the duration of a step in s and the positions at its end, rad."""
     if isinstance(step, dict) and set(step) == {'hold'}:
-        return check_number(step['hold'], f'{name}.hold', above=0.0), before
+        return check_number(step['hold'], f'{name}.hold', above=0.0, most=_LONGEST), before
     if not isinstance(step, dict) or set(step) not in ({'to', 'time'}, {'to', 'speed'}):
         raise InputError(f"{name} must have 'hold' (s), or 'to' with either 'time' (s) or 'speed'")
     position = before.copy()
     for joint, angle in check_mapping(step['to'], f'{name}.to', joints).items():
-        position[joints.index(joint)] = unit * check_number(angle, f'{name}.to.{joint}')
+        position[joints.index(joint)] = unit * check_number(
+            angle, f'{name}.to.{joint}', least=-_FARTHEST / unit, most=_FARTHEST / unit)
     distance = float(np.abs(position - before).max())
     if distance < _SAME:
         raise InputError(f'{name} moves nothing: use a hold')
     if 'time' in step:
-        return check_number(step['time'], f'{name}.time', above=0.0), position
-    return distance / (unit * check_number(step['speed'], f'{name}.speed', above=0.0)), position
+        return check_number(step['time'], f'{name}.time', above=0.0, most=_LONGEST), position
+    speed = unit * check_number(step['speed'], f'{name}.speed', above=0.0)
+    return check_number(distance / speed, f'{name}: the time', most=_LONGEST), position
 
 
 def _announcements(times: np.ndarray, position: np.ndarray, speed: Any,

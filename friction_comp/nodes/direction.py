@@ -75,8 +75,6 @@ class DirectionNode(Node):
         declare(self, 'tolerance', 0.2, 'distance from a plan from which on it is not followed '
                 '[rad]', 1e-3, 10.0)
         declare(self, 'least_speed', 0.005, 'slowest reference that moves [rad/s]', 1e-4, 1.0)
-        declare(self, 'stuck_error', 0.01, 'error from which on a joint at rest is stuck away '
-                'from a reference at rest [rad]', 1e-4, 1.0)
         declare(self, 'sensor_range', [0.0, 0.0],
                 'lowest and highest value that the sensor can give, in its own unit')
         declare(self, 'calibrate_at_start', False, 'calibrate in the first three seconds, in which '
@@ -97,8 +95,7 @@ class DirectionNode(Node):
 
     def _begin_reference(self) -> Callable[[float], list[Announcement]]:
         motions = self._motions = [
-            DesiredMotion(self._value('least_speed'), self._value('stuck_error'))
-            for _ in self._joints]
+            DesiredMotion(self._value('least_speed')) for _ in self._joints]
         self._desired = JointColumns(self._joints)
         self.create_subscription(JointState, 'reference', self._on_reference, self._qos)
         self._listen([motion.motion for motion in motions])

@@ -61,7 +61,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     import numpy as np
 
-    from friction_comp.excitation.plan import fourier_series, plan_joint, staircase, trajectory_of
+    from friction_comp.excitation.plan import plan_joint, staircase, trajectory_of
     from friction_comp.excitation.separation import coverage_within, separations
     from friction_comp.reports.excitation_report import excitation_report
 
@@ -82,17 +82,14 @@ def main(argv: list[str] | None = None) -> int:
                     (index + share) / len(limits), f'planning {limits[index].joint}')))
             coverage = coverage_within(own, seconds)
             others.append({
-                'staircase of speeds': separations(staircase(own, seconds, rate), pairs, coverage),
-                'random Fourier series': separations(
-                    fourier_series(own, seconds, rate, seed), pairs, coverage)})
+                'staircase of speeds': separations(staircase(own, seconds, rate), pairs, coverage)})
     checked = 'effort limits are kept by the model' if model else 'effort is not checked'
     content = {'seconds': seconds, 'seed': arguments.seed,
                'effort_checked': model is not None, 'joints': [{
                    'joint': plan.limits.joint, 'start': plan.limits.centre,
                    'moves': len(plan.moves), 'pairs': [{
                        'between': list(pair), 'plan': share,
-                       'staircase': other['staircase of speeds'][pair],
-                       'fourier': other['random Fourier series'][pair]}
+                       'staircase': other['staircase of speeds'][pair]}
                        for pair, share in plan.separation.items()]}
                    for plan, other in zip(plans, others)]}
     write_results(arguments, content, excitation_report(plans, others), files={
