@@ -11,8 +11,8 @@ import pytest
 
 from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.model.arm_file import write_arm
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.model_file import write_arm
 from friction_comp.statistics import rms
 
 FRICTION = ((0.02, 0.8, 0.5, 0.05), (-0.03, 1.0, 0.8, 0.04), (0.0, 0.5, 0.3, 0.02))

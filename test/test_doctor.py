@@ -13,9 +13,9 @@ import pytest
 
 from friction_comp.__main__ import main
 from friction_comp.facts.resolution import encoder_fault
-from friction_comp.model.arm_file import write_arm
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.model_file import write_arm
 from friction_comp.monitoring.checkup import check_joint, check_system
 from friction_comp.monitoring.observation import (
     Endpoint,

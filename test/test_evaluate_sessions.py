@@ -21,7 +21,7 @@ from friction_comp.evaluation.conditions import evaluate
 from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.movements import spectral_arc_length
 from friction_comp.evaluation.sessions import evaluate_pieces, evaluate_recordings, pieces_of
-from friction_comp.model.arm_file import write_arm
+from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import read_recording_with_info, RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.reader import stream_recording_with_info

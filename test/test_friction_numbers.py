@@ -283,10 +283,21 @@ def test_a_model_file_keeps_speeds_and_intervals_until_it_is_changed(refined, tm
 @pytest.mark.parametrize('section, word', [
     ({'speeds': [-1.0]}, 'recorded.speeds'), ({'intervals': {'mass': [0, 1]}}, 'mass'),
     ({'speeds': [1.0], 'intervals': {'coulomb': [2.0, 1.0]}}, 'recorded.intervals.coulomb'),
-    ({'speeds': [1.0], 'intervals': {'coulomb': [2.0]}}, 'recorded.intervals.coulomb')])
+    ({'speeds': [1.0], 'intervals': {'coulomb': [2.0]}}, 'recorded.intervals.coulomb'),
+    ({'rows': {'position': [1.0]}}, 'position and velocity'),
+    ({'rows': {'position': [1.0], 'velocity': [1.0, 2.0]}}, 'as many values'),
+    ({'rows': {'position': [1.0], 'velocity': ['x']}}, 'recorded.rows.velocity')])
 def test_a_wrong_entry_of_the_recordings_is_named(section, word):
     with pytest.raises(ValueError, match=word):
-        Recorded.from_dict(section)
+        FrictionModel.from_dict({**PLAIN.to_dict(), 'recorded': section})
+
+
+def test_the_uncertainty_of_friction_is_measured_or_half_an_interval():
+    told = replace(PLAIN, recorded=Recorded((1.0,), {'coulomb': (0.48, 0.52)}))
+    assert FrictionModel.from_dict(told.to_dict()).friction_uncertainty == pytest.approx(0.04)
+    measured = replace(told, uncertainty=0.02)
+    assert FrictionModel.from_dict(measured.to_dict()).friction_uncertainty == 0.02
+    assert PLAIN.friction_uncertainty is None
 
 
 def test_a_velocity_of_another_unit_is_not_called_late():

@@ -20,8 +20,8 @@ from ros_system import Goals, joint_state, MODELS, own_domain, probe_node, RELIA
 from sensor_msgs.msg import JointState
 
 from friction_comp.errors import InputError
-from friction_comp.model.arm_file import write_arm
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.model_file import write_arm
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.refine_job import Message, RecentPast, RefineJob

@@ -12,10 +12,10 @@ from table_maker import write
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.arm_file import write_arm
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Recorded, signals_read
+from friction_comp.model.model_file import write_arm
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 

@@ -22,8 +22,8 @@ import pytest
 from friction_comp.__main__ import main, run
 from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, write_atomically
-from friction_comp.model.arm_file import write_arm
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import write_samples
 from friction_comp.results import output_folder
 from friction_comp.samples import Samples

@@ -1,46 +1,32 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The drive's current as a sum of effects, and model files of one joint or a whole arm."""
+"""The drive's current as a sum: Eq. 6 and effects."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, fields, MISSING, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_comp.checks import (
-    check_document,
-    check_interval,
-    check_list,
-    check_mapping,
-    check_number,
-)
 from friction_comp.drive import Drive
-from friction_comp.errors import errors_name, InputError
-from friction_comp.files import plain, read_yaml, write_yaml
-from friction_comp.model.arm.arm import Arm
-from friction_comp.model.arm_file import one_joint_of
-from friction_comp.model.differentiation import (
-    as_recorded,
-    DEFAULT_SETTINGS,
-    differentiate,
-    settings_of,
-)
-from friction_comp.model.effects import Effect, EFFECTS
+from friction_comp.errors import InputError
+from friction_comp.files import write_yaml
+from friction_comp.model import model_file
+from friction_comp.model.differentiation import as_recorded, DEFAULT_SETTINGS, differentiate
+from friction_comp.model.effects import Effect
 from friction_comp.model.effects.definitions import RESISTS
 from friction_comp.model.measured import Breakaway, Presliding, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 
-FORMAT, VERSION = 'friction_comp_model', 1
+if TYPE_CHECKING:
+    from friction_comp.model.arm.arm import Arm
+
 # Signals beside position and velocity that a planned motion tells.
 _PLANNED = {'acceleration', 'rigid_body', 'coupling'}
-
-T = TypeVar('T')
 
 
 @dataclass
@@ -53,6 +39,8 @@ class FrictionModel:
         The drive, its friction, and the name of its joint.
     position_limits : tuple of float, optional
         Ends of the joint's range in rad, beyond which the compensator does not push.
+    uncertainty : float, optional
+        Share by which sliding friction may differ from the model's, half of a 95 % interval.
     lookup_table : dict, optional
         ``speeds`` rad/s, ``currents`` and ``standard_deviations`` A, for the sigmoid.
     recorded : Recorded, optional
@@ -72,6 +60,7 @@ class FrictionModel:
     joint: str = ''
     presliding: Presliding | None = None
     position_limits: tuple[float, float] | None = None
+    uncertainty: float | None = None
     lookup_table: dict[str, Any] | None = None
     recorded: Recorded | None = None
     differentiation: dict[str, Any] = field(default_factory=dict)
@@ -183,6 +172,17 @@ class FrictionModel:
         return self.recorded is None or self.recorded.in_both_directions
 
     @property
+    def friction_uncertainty(self) -> float | None:
+        """Share by which sliding friction may differ from the model's; None if nothing tells.
+
+        What identification measured, else half of the interval of Coulomb friction of a refinement.
+        """
+        ends = self.recorded.intervals.get('coulomb') if self.recorded else None
+        if self.uncertainty is not None or ends is None:
+            return self.uncertainty
+        return abs((ends[1] - ends[0]) / (ends[1] + ends[0])) if ends[0] > 0.0 else 1.0
+
+    @property
     def settings(self) -> dict[str, Any]:
         """How velocity and acceleration are derived: as in the fit, else as `DEFAULT_SETTINGS`."""
         return dict(self.differentiation or DEFAULT_SETTINGS)
@@ -244,28 +244,7 @@ class FrictionModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model as the plain values of its file."""
-        document: dict[str, Any] = {
-            'format': FORMAT, 'version': VERSION, 'joint': self.joint,
-            'drive': _entries(self.drive),
-            'sigmoid': {'coefficients': self.sigmoid.coefficients(), 'velocity_unit': 'rad/s'}}
-        if self.breakaway is not None:
-            known = _entries(self.breakaway)
-            document['breakaway'] = {
-                side: {what: known[f'{side}_{what}'] for what in _OF_BREAKAWAY
-                       if f'{side}_{what}' in known} for side in ('positive', 'negative')}
-        if self.presliding is not None:
-            document['presliding'] = _entries(self.presliding)
-        if self.position_limits is not None:
-            document['position_limits'] = self.position_limits
-        document['effects'] = [effect.to_dict() for effect in self.effects]
-        if self.recorded is not None:
-            document['recorded'] = self.recorded.to_dict()
-        for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
-            if getattr(self, name):
-                document[name] = getattr(self, name)
-        if self.arm is not None:
-            document['arm'] = self.arm.to_dict()
-        return plain(document)
+        return model_file.document_of(self)
 
     def save(self, path: Path | str) -> None:
         """Write the model file atomically."""
@@ -277,109 +256,14 @@ class FrictionModel:
 
         Raises InputError, which names the file and the reason, if it cannot be used.
         """
-        document = read_yaml(path)
-        with errors_name(path):
-            try:
-                return cls.from_dict(one_joint_of(document, joint))
-            except OverflowError:
-                raise InputError('holds a number that is too large') from None
+        return cls(**model_file.read_model(path, joint))
+
+    @classmethod
+    def from_dict(cls, document: dict[str, Any]) -> FrictionModel:
+        """Make a model from the plain values of its file."""
+        return cls(**model_file.arguments_of(document))
 
     def check_joint(self, joint: str | None, path: str | Path) -> None:
         """Raise InputError if the model of the file `path` is another joint's; no name fits any."""
         if self.joint and joint and self.joint != joint:
             raise InputError(f'{path}: is of joint {self.joint!r}, not {joint!r}')
-
-    @classmethod
-    def from_dict(cls, document: dict[str, Any]) -> FrictionModel:
-        """Make a model from the plain values of its file."""
-        known = {'format', 'version', *(entry.name for entry in fields(cls))}
-        check_document(document, 'a model file', FORMAT, VERSION, known)
-        given = {name: value for name, value in document.items() if value is not None}
-        return cls(
-            drive=_section(Drive, given.get('drive'), 'drive'),
-            sigmoid=(_sigmoid(given.get('sigmoid')) if given.keys() & _MEASURED
-                     else Sigmoid(0.0, 0.0, 1.0)),
-            effects=[_effect(entry) for entry in check_list(given.get('effects'), 'effects')],
-            joint=str(given.get('joint', '')),
-            **{name: read(given[name]) for name, read in _OPTIONAL.items() if name in given})
-
-
-def _entries(section: Any) -> dict[str, Any]:
-    return {name: value for name, value in vars(section).items() if value is not None}
-
-
-def _section(kind: type[T], section: Any, name: str) -> T:
-    known = fields(kind)  # type: ignore[arg-type]
-    check_mapping(section, name, [entry.name for entry in known])
-    for entry in known:
-        if entry.default is MISSING and entry.name not in section:
-            raise InputError(f'{name}.{entry.name} is missing')
-    return kind(**section)
-
-
-def _sigmoid(section: Any) -> Sigmoid:
-    check_mapping(section, 'sigmoid', ('coefficients', 'velocity_unit'))
-    if not isinstance(section.get('coefficients'), list):
-        raise InputError('sigmoid.coefficients is missing or not a list')
-    return Sigmoid.from_coefficients(section['coefficients'], section.get('velocity_unit', 'rad/s'))
-
-
-def _breakaway(section: Any) -> Breakaway:
-    check_mapping(section, 'breakaway', ('positive', 'negative'))
-    values = {}
-    for side in ('positive', 'negative'):
-        entry = check_mapping(section.get(side), f'breakaway.{side}', _OF_BREAKAWAY)
-        for what in _OF_BREAKAWAY:
-            if what == 'mean' or entry.get(what) is not None:
-                values[f'{side}_{what}'] = check_number(entry.get(what), f'breakaway.{side}.{what}')
-    return Breakaway(**values)
-
-
-def _position_limits(section: Any) -> tuple[float, float]:
-    low, high = check_interval(section, 'position_limits')
-    if low == high:
-        raise InputError(f'position_limits must be two different positions, not {section!r}')
-    return low, high
-
-
-def _lookup_table(section: Any) -> dict[str, list[float]]:
-    check_mapping(section, 'lookup_table', ('speeds', 'currents', 'standard_deviations'))
-    table = {name: [check_number(value, f'lookup_table.{name}')
-                    for value in check_list(values, f'lookup_table.{name}')]
-             for name, values in section.items()}
-    if len(table.get('speeds', ())) != len(table.get('currents', ())):
-        raise InputError('lookup_table: speeds and currents must have the same length')
-    return table
-
-
-_OF_BREAKAWAY = ('mean', 'std', 'position')
-# Sections of which any says that friction was measured: then Eq. 6 must not be missing.
-_MEASURED = {'sigmoid', 'breakaway', 'presliding', 'effects', 'lookup_table', 'recorded', 'arm'}
-_OF_EFFECT = ('name', 'variable', 'parameters', 'valid_range')
-_OPTIONAL: dict[str, Callable[[Any], Any]] = {
-    'breakaway': _breakaway,
-    'presliding': lambda section: _section(Presliding, section, 'presliding'),
-    'position_limits': _position_limits,
-    'lookup_table': _lookup_table,
-    'recorded': Recorded.from_dict,
-    'differentiation': lambda section: settings_of(section, 'differentiation'),
-    'arm': lambda section: Arm.from_dict(check_mapping(section, 'arm')),
-    'simulation': lambda section: check_mapping(section, 'simulation'),
-    'notes': lambda section: check_mapping(section, 'notes'),
-}
-"""Sections that a model file may have, and how each is read."""
-
-
-def _effect(entry: Any) -> Effect:
-    if not isinstance(entry, dict) or 'name' not in entry:
-        raise InputError(f'an effect needs a name: {entry!r}')
-    name = f"effect '{entry['name']}'"
-    kind = EFFECTS.get(str(entry['name']))
-    if kind is None:
-        raise InputError(f"unknown {name}; known: {', '.join(EFFECTS)}")
-    check_mapping(entry, name, _OF_EFFECT)
-    parameters = check_mapping(entry.get('parameters') or {}, f'parameters of {name}')
-    try:
-        return kind(parameters, entry.get('valid_range'))
-    except (InputError, OverflowError) as error:
-        raise InputError(f'{name}: {error}') from None

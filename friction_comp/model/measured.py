@@ -7,11 +7,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 import math
-from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import check_interval, check_list, check_mapping, check_number
+from friction_comp.checks import check_number
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.samples import Samples
@@ -84,6 +83,8 @@ _BEYOND, _MUCH, LARGER = 0.25, 0.1, 1.5
 _TAIL = 0.01
 LINE = ('offset', 'coulomb', 'viscous')
 """Parameters of the line, in A, A and A·s/rad."""
+INTERVALS = (*LINE, 'inertia', 'static', 'transition')
+"""Parameters that a file may have intervals of."""
 # Signals with a range that starts at zero: nothing is known of either sign alone.
 _SIZES = {'speed': ('velocity', 'rad/s'), 'acceleration': ('acceleration', 'rad/s²')}
 _UNITS = {'position': 'rad', 'load': 'N·m', 'temperature': '°C', 'rigid_body': 'N·m'}
@@ -116,8 +117,8 @@ def signals_read(samples: Samples, effects: Iterable[Effect]) -> dict[str, np.nd
 # Rows that a model keeps, what they may hold, and the share of them in the other direction up to
 # which motion counts as in one.
 _ROWS, _ONE_WAY = 128, 0.02
-_OF_ROWS = ('time', 'position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body',
-            'coupling')
+SIGNALS_OF_ROWS = ('time', 'position', 'velocity', 'acceleration', 'load', 'temperature',
+                   'rigid_body', 'coupling')
 
 
 @dataclass(frozen=True)
@@ -137,27 +138,6 @@ class Recorded:
     # effects read, by the names of `Samples`, each (R,); see `friction_numbers.states_of`.
     rows: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
-    @classmethod
-    def from_dict(cls, section: Any) -> Recorded:
-        """Read the section `recorded` of a model file."""
-        check_mapping(section, 'recorded', (
-            'speeds', 'intervals', 'rows', 'ranges', 'error', 'load', 'sample_time'))
-        speeds = tuple(check_number(value, 'recorded.speeds', above=0.0) for value in check_list(
-            section.get('speeds'), 'recorded.speeds'))
-        intervals = check_mapping(section.get('intervals') or {}, 'recorded.intervals',
-                                  (*LINE, 'inertia', 'static', 'transition'))
-        error, sample_time = (
-            None if section.get(name) is None else
-            check_number(section[name], f'recorded.{name}', least=0.0)
-            for name in ('error', 'sample_time'))
-        return cls(
-            speeds, {name: check_interval(ends, f'recorded.intervals.{name}')
-                     for name, ends in intervals.items()},
-            {str(name): check_interval(ends, f'recorded.ranges.{name}') for name, ends in
-             check_mapping(section.get('ranges') or {}, 'recorded.ranges').items()},
-            error, check_number(section.get('load', 0.0), 'recorded.load'), sample_time,
-            _rows(section.get('rows') or {}))
-
     def with_ranges(self, samples: Samples, effects: Iterable[Effect]) -> Recorded:
         """Return it with ranges and rows of samples in motion, which effects were fitted to."""
         effects = list(effects)
@@ -169,8 +149,8 @@ class Recorded:
         index = np.unique((every + evenly_spread(every)) * len(samples) // _ROWS).astype(int)
         names = {'position', 'velocity', *(name for effect in effects for name in effect.reads()),
                  *(['time'] if any(not one.holds_on_another_day for one in effects) else [])}
-        rows = {name: tuple(float(f'{value:.6g}') for value in values[index]) for name in _OF_ROWS
-                if samples.velocity is not None and name in names
+        rows = {name: tuple(float(f'{value:.6g}') for value in values[index])
+                for name in SIGNALS_OF_ROWS if samples.velocity is not None and name in names
                 and (values := getattr(samples, name)) is not None}
         return replace(self, ranges=ranges, rows=rows, load=(
             0.0 if samples.load is None else float(np.mean(samples.load))))
@@ -222,17 +202,3 @@ class Recorded:
         """Whether a part of the rows is in each direction of motion."""
         forwards = np.mean(np.array(self.rows.get('velocity', (-1.0, 1.0))) > 0.0)
         return bool(_ONE_WAY < forwards < 1.0 - _ONE_WAY)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the section of a model file."""
-        return {name: value for name, value in vars(self).items() if value not in ({}, None)}
-
-
-def _rows(section: Any) -> dict[str, tuple[float, ...]]:
-    rows = {name: tuple(check_number(value, f'recorded.rows.{name}') for value in check_list(
-        values, f'recorded.rows.{name}'))
-        for name, values in check_mapping(section, 'recorded.rows', _OF_ROWS).items()}
-    if rows and (not {'position', 'velocity'} <= rows.keys() or not rows['position']
-                 or len(set(map(len, rows.values()))) > 1):
-        raise InputError('recorded.rows must have position and velocity, and all as many values')
-    return rows

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import dataclass, replace
+import html
 import json
 import math
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
 
 from friction_comp import __version__
 from friction_comp.errors import errors_name, InputError
@@ -199,6 +199,7 @@ def _attributes(joint: SimulatorJoint) -> str:
 
 
 def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
+    quoted = f'"{html.escape(name)}"'
     # Two consecutive hyphens would end an XML comment.
     remark = '\n'.join(f'  {line}' for line in remarks).replace('--', '- -')
     friction, damping = f'{joint.coulomb:.9g}', f'{joint.viscous:.9g}'
@@ -207,17 +208,17 @@ def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str
     if form == 'mujoco':
         slide = 'type="slide" ' if linear else ''
         body = (f'<mujoco>\n  <compiler angle="radian"/>\n  <default>\n    <default '
-                f'class={quoteattr(name)}>\n      <joint {slide}{_attributes(joint)}/>'
+                f'class={quoted}>\n      <joint {slide}{_attributes(joint)}/>'
                 '\n    </default>\n  </default>\n</mujoco>\n')
     elif form == 'urdf':
-        body = (f'<robot name={quoteattr(name)}>\n  <joint name={quoteattr(name)} type="{kind}">'
+        body = (f'<robot name={quoted}>\n  <joint name={quoted} type="{kind}">'
                 f'\n    <dynamics damping="{damping}" friction="{friction}"/>\n  </joint>\n'
                 '</robot>\n')
     else:
         spring = (f'<spring_reference>{joint.rest:.9g}</spring_reference>'
                   f'<spring_stiffness>{joint.stiffness:.9g}</spring_stiffness>'
                   if joint.stiffness else '')
-        body = (f'<sdf version="1.9">\n  <joint name={quoteattr(name)} type="{kind}">\n    '
+        body = (f'<sdf version="1.9">\n  <joint name={quoted} type="{kind}">\n    '
                 f'<axis><dynamics><damping>{damping}</damping><friction>{friction}</friction>'
                 f'{spring}</dynamics></axis>\n  </joint>\n</sdf>\n')
     return f'<?xml version="1.0"?>\n<!--\n{remark}\n-->\n{body}'

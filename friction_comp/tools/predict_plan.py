@@ -13,9 +13,9 @@ from friction_comp.checks import one_of
 from friction_comp.column_values import to_csv
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml, write_atomically
-from friction_comp.model.arm_file import joints_of
 from friction_comp.model.differentiation import as_recorded, differentiate
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.model_file import joints_of
 from friction_comp.model.simulator_joint import cautions_of
 from friction_comp.samples import Samples
 from friction_comp.units import in_own_units

@@ -11,8 +11,8 @@ from typing import Any
 from friction_comp.arm.whole_arm import ArmResult, refine_arm
 from friction_comp.errors import InputError
 from friction_comp.files import read_yaml
-from friction_comp.model.arm_file import joints_of, write_arm
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.model_file import joints_of, write_arm
 from friction_comp.recorded_drive.given import drive_of, with_current_limit
 from friction_comp.recorded_drive.refine_recordings import assumed_in, notes_on, showing_friction
 from friction_comp.recordings import read_arm
