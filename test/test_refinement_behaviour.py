@@ -14,7 +14,7 @@ import pytest
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.exercise.reference_movement import ReferenceMovement
-from friction_comp.note.condition_runs import with_breakaway_error
+from friction_comp.note.experiments import with_breakaway_error
 from friction_comp.refinement import refine
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared

@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.evaluation.conditions import Condition, Evaluation
-from friction_comp.note.condition_runs import STANDSTILLS
-from friction_comp.note.experiment_set import ExperimentOutcome
+from friction_comp.note.experiments import ExperimentOutcome, STANDSTILLS
 from friction_comp.note.published import Experiment, EXPERIMENTS, FALSE_START
-from friction_comp.reports.figures import band, COLOURS, curve, new_figure, styled, thin
+from friction_comp.reports.figures import band, COLOURS, curve, new_figure, scatter, styled, thin
 from friction_comp.reports.html import Report
 
 _TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', "d = ±1, note's law"),
@@ -44,10 +43,10 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
         'repetitions, mean of both directions. A joint of the same inertia without friction is the '
         'limit of any friction compensation.')
     report.heading('Breakaway friction')
-    shown = outcomes[min(1, len(outcomes) - 1)]
-    report.figure(ramp_figure(shown), (
-        f"Current ramp of Eq. 8 on configuration {shown.experiment.number} (the note's Fig. 2). "
-        'Dashed: the instants at which the joint breaks free. A ramp ends once the joint moves.'))
+    report.figure(breakaway_figure(outcomes), (
+        'Current at which the joint broke free, ramp by ramp, and its mean ± standard deviation. '
+        'A ramp pauses on stairs of 1 % of the current: breakaway is the largest current that '
+        'holds.'))
     report.heading('Kinetic friction')
     report.figure(friction_figure(outcomes), (
         "Look-up table (dots), fit of Eq. 6 (lines) and breakaway currents ± standard deviation "
@@ -107,11 +106,11 @@ def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     rows = []
     for outcome in outcomes:
         printed, sigmoid = outcome.experiment.model().sigmoid, outcome.model.sigmoid
-        speeds, currents = outcome.table.speeds, outcome.table.currents
+        speeds, currents = outcome.identified.speeds, outcome.identified.currents
         fast = speeds[np.abs(speeds) > math.radians(4.0)]
         rows.append([
             outcome.experiment.number, ', '.join(f'{c:.4g}' for c in sigmoid.coefficients('deg/s')),
-            outcome.table.sigmoid_error, float(np.sum(np.abs(printed(speeds) - currents))),
+            outcome.identified.sigmoid_error, float(np.sum(np.abs(printed(speeds) - currents))),
             1e3 * np.abs(sigmoid(fast) - printed(fast)).max()])
     report.table(
         ['configuration', 'c1 … c6 (ω in deg/s)', 'E (A)', 'E of Eq. 11 as printed (A)',
@@ -155,26 +154,18 @@ def _add_sources(report: Report, outcomes: list[ExperimentOutcome]) -> None:
 
 
 @styled
-def ramp_figure(outcome: ExperimentOutcome) -> Figure:
-    """Fig. 2: current ramp, velocity, and the instants at which the joint breaks free."""
-    ramps = outcome.ramps
-    figure, (upper, lower) = new_figure(2, height=2.1, sharex=True, x='time (s)',
-                                        y=('motor current (mA)', 'velocity (deg/s)'))
-    # Mean velocity over 20 ms: from sample to sample it would show single encoder counts.
-    window = 20
-    speed = np.zeros(len(ramps.time))
-    speed[window:] = (ramps.position[window:] - ramps.position[:-window]) / (
-        ramps.time[window:] - ramps.time[:-window])
-    time, current, speed = thin(ramps.time, 1e3 * ramps.current, np.degrees(speed))
-    curve(upper, time, current, 'blue', linewidth=0.8)
-    curve(lower, time, speed, 'orange')
-    records = ramps.records
-    for k in range(min(2, len(records))):
-        for axes in (upper, lower):
-            axes.axvline(records.time[k], color=COLOURS['grey'], linestyle='--', linewidth=1.0)
-        upper.annotate(f'{1e3 * records.current[k]:.1f} mA',
-                       (records.time[k], 1e3 * records.current[k]), xytext=(6, 0),
-                       textcoords='offset points', fontsize=8.5)
+def breakaway_figure(outcomes: list[ExperimentOutcome]) -> Figure:
+    """Breakaway currents of every configuration, ramp by ramp."""
+    figure, axes = new_figure(1, len(outcomes), width=8.4, height=2.6, squeeze=False, x='ramp',
+                              y='breakaway (mA)')
+    for axis, outcome, colour in zip(axes[0], outcomes, _CONFIGURATIONS):
+        both, records = outcome.breakaway, outcome.identified.records
+        currents = 1e3 * np.abs(records.currents(1))
+        scatter(axis, np.arange(1, len(currents) + 1), currents, colour)
+        mean, deviation = 1e3 * both.positive_mean, 1e3 * both.positive_std
+        axis.axhspan(mean - deviation, mean + deviation, color=COLOURS[colour], alpha=0.15)
+        axis.axhline(mean, color=COLOURS[colour])
+        axis.set_title(f'configuration {outcome.experiment.number}')
     return figure
 
 
@@ -184,7 +175,7 @@ def friction_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     figure, axes = new_figure(height=4.2, x='joint velocity (deg/s)', y='motor current (mA)')
     fine = np.linspace(-105.0, 105.0, 1001)
     for outcome, colour in zip(outcomes, _CONFIGURATIONS):
-        speeds, currents = outcome.table.speeds, outcome.table.currents
+        speeds, currents = outcome.identified.speeds, outcome.identified.currents
         curve(axes, np.degrees(speeds), 1e3 * currents, colour,
               f'configuration {outcome.experiment.number}', 'o', markersize=3.5)
         curve(axes, fine, 1e3 * outcome.model.sigmoid(np.radians(fine)), colour, linewidth=1.0)

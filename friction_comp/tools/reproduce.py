@@ -21,7 +21,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=2,
                         help='seed of noise, scatter and persons (2)')
     arguments = parser.parse(argv)
-    from friction_comp.note.experiment_set import run_experiments
+    from friction_comp.note.experiments import run_experiments
     from friction_comp.note.note_report import reproduction_report
 
     with output_folder(arguments.output) as folder, progress('starting') as report:
