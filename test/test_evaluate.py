@@ -235,8 +235,6 @@ def test_the_peak_of_a_joint_that_starts_late_includes_the_torque_before_it():
         assert condition.peak_torque == pytest.approx(1.7, abs=0.03)
         assert condition.peak_time == pytest.approx(MOVE + 0.6, abs=0.02)
         assert repetition.figures['onset'] == pytest.approx(MOVE + 0.6, abs=0.05)
-        # Smoothness in following the reference is undefined here.
-        assert 'smoothness' not in repetition.figures
 
 
 def test_a_lower_bound_is_marked_and_no_compensation_is_one_condition(tmp_path, capsys):

@@ -11,12 +11,10 @@ from scipy.signal import lfilter
 from test_evaluate import PERIOD, REST
 from test_evaluate_sessions import both, info_of
 
-from friction_comp.evaluation.compare import compare, share_interval, trends
-from friction_comp.evaluation.conditions import evaluate, MeasuredJoint
+from friction_comp.evaluation.compare import compare, mean_interval, share_interval
+from friction_comp.evaluation.conditions import evaluate, evaluate_recordings, MeasuredJoint
 from friction_comp.evaluation.movements import Movement
-from friction_comp.evaluation.neighbours import mean_interval
 from friction_comp.evaluation.repetitions import Compensation, Repetition
-from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.recordings import RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
 from friction_comp.reports.evaluation_words import plain_verdict, verdict
@@ -95,8 +93,7 @@ def test_only_a_change_that_matters_is_one():
                 command=np.zeros(len(samples))) == ['none'] * 4
 
 
-@pytest.mark.parametrize('seconds', [600.0, 8.0])
-def test_a_compensator_that_fell_silent_compensates_nothing(tmp_path, seconds):
+def test_a_compensator_that_fell_silent_compensates_nothing(tmp_path):
     """Its last report says active, and its last command is a current."""
     samples = both([1.0] * 10)
     time, command = samples.time, np.ones(len(samples))
@@ -110,7 +107,7 @@ def test_a_compensator_that_fell_silent_compensates_nothing(tmp_path, seconds):
     position[time > rest] = position[time > rest][0]
     record_with_diagnostics(tmp_path / 'r', samples.with_(position=position, command=command), [
         (0, ('continuous', 'a.yaml'))])
-    evaluation, = evaluate_recordings([tmp_path / 'r'], seconds=seconds)
+    evaluation, = evaluate_recordings([tmp_path / 'r'])
     assert [r.compensation.law for r in sorted(
         evaluation.repetitions, key=lambda r: r.begin)] == (
         ['continuous'] * 2 + ['none'] * 3 + ['continuous'] * 2 + ['none'] * 2)
@@ -139,13 +136,22 @@ def test_sessions_without_a_difference_seldom_show_one(order, change):
 
 
 def test_few_repetitions_show_a_difference_far_larger_than_people_change():
-    """Three movements there and back, all of one condition first, one of which takes 0.6."""
-    found = [peaks_of(session([0] * 3 + [1] * 3, np.random.default_rng(seed), help=share,
+    """Five movements there and back, all of one condition first, one of which takes 0.6."""
+    found = [peaks_of(session([0] * 5 + [1] * 5, np.random.default_rng(seed), help=share,
                               drift=drift)).significant
-             for share, drift in ((0.4, 0.0), (0.4, -0.3), (0.0, -0.4)) for seed in range(60)]
-    assert sum(found[:60]) > 0.5 * 60
-    assert sum(found[60:120]) > 0.4 * 60
-    assert sum(found[120:]) <= 0.1 * 60
+             for share, drift in ((0.4, 0.0), (0.4, -0.3), (0.0, -0.4)) for seed in range(40)]
+    assert sum(found[:40]) > 0.6 * 40
+    assert sum(found[40:80]) > 0.45 * 40
+    assert sum(found[80:]) <= 0.1 * 40
+
+
+def test_what_two_repetitions_show_is_not_judged():
+    comparison = peaks_of(session([0, 0, 1, 1], np.random.default_rng(0), help=0.5, scatter=0.01))
+    assert 'fewer than 5 repetitions' in comparison.untested
+    assert (comparison.p_value, comparison.without_drift.half) == (None, None)
+    assert comparison.difference == pytest.approx(-0.5, abs=0.05)
+    assert mean_interval([1.0, 2.0, 3.0, 4.0]).half is None
+    assert mean_interval([1.0, 2.0, 3.0, 4.0, 5.0]).half > 0.0
 
 
 @pytest.mark.parametrize(('order', 'least'), [('blocks', 0.8), ('drawn', 0.95), ('in turn', 0.95)])
@@ -154,7 +160,7 @@ def test_a_difference_is_found_where_the_order_allows_it(order, least):
     comparisons = [peaks_of(session(ORDERS[order], np.random.default_rng(seed), share))
                    for seed in range(60)]
     assert np.mean([c.significant for c in comparisons]) >= least
-    held = np.mean([c.difference.low <= -share <= c.difference.high for c in comparisons])
+    held = np.mean([c.without_drift.low <= -share <= c.without_drift.high for c in comparisons])
     assert held >= 0.88
     assert {c.in_turn for c in comparisons} == {order != 'blocks'}
 
@@ -164,7 +170,7 @@ def test_like_is_compared_with_like():
     # What differs from day to day is no effect of what was recorded on one of them only.
     apart = session([0] * 8, random) + session([1] * 8, random, help=0.4, day=1)
     comparison = peaks_of(apart)
-    assert (comparison.p_value, comparison.difference.half, comparison.pairs) == (None, None, 0)
+    assert (comparison.p_value, comparison.without_drift.half, comparison.pairs) == (None, None, 0)
     assert 'different days' in comparison.untested
     # A day on which only one of them was recorded, and a direction, count for nothing.
     same = session([0, 1] * 6, random, scatter=0.01)
@@ -172,7 +178,7 @@ def test_like_is_compared_with_like():
     for r in more[24:]:
         r.figures['peak_torque'] = 9.0
     assert peaks_of(more).mean_first == pytest.approx(peaks_of(same).mean_first)
-    assert peaks_of(more).difference.mean == pytest.approx(0.0, abs=0.02)
+    assert peaks_of(more).without_drift.mean == pytest.approx(0.0, abs=0.02)
     # Nor are other movements compared.
     faster = [replace(r, movement=replace(r.movement, end=r.movement.begin + 1.5))
               if r.compensation == HELPED else r for r in same]
@@ -199,7 +205,7 @@ def test_a_sensor_that_always_says_the_same_shows_no_difference(torque, order):
     for r in repetitions:
         r.figures['peak_torque'] = torque
     comparison = peaks_of(repetitions)
-    assert comparison.difference.mean == pytest.approx(0.0, abs=1e-12)
+    assert comparison.without_drift.mean == pytest.approx(0.0, abs=1e-12)
     assert comparison.p_value is not None
     assert not comparison.significant
 
@@ -219,7 +225,7 @@ def judged(repetitions):
     joint = MeasuredJoint('elbow')
     for r in repetitions:
         r.curves = {'position': np.zeros(3000), 'load': np.full(3000, r.figures['peak_torque'])}
-    joint.add_repetitions(repetitions)
+    joint.repetitions += repetitions
     return joint.evaluate(None)
 
 
@@ -238,17 +244,6 @@ def test_the_verdict_is_no_surer_than_the_comparison():
     apart = judged(session([0] * 8, random) + session([1] * 8, random, help=0.4, day=1))
     assert 'recorded on different days' in verdict(apart)
     assert 'Whether this is so is not known' in plain_verdict(apart)
-
-
-def test_trends_of_one_direction_are_not_those_of_the_other():
-    """Only positive movements, which take more, on the first days, and only negative at last."""
-    random = np.random.default_rng(0)
-    days = [(1, 1, 1, -1), (1, 1, -1), (1, -1), (1, -1, -1), (1, -1, -1, -1)]
-    repetitions = [r for day, signs in enumerate(days)
-                   for r in session([0] * 3, random, day=day, signs=signs, scatter=0.01)]
-    trend, = trends(repetitions)
-    assert not trend.significant
-    assert abs(trend.per_week.mean) < 0.05
 
 
 def test_what_was_not_recorded_is_not_invented(tmp_path):
@@ -284,7 +279,7 @@ def test_a_torque_of_the_wrong_sign_is_noted():
 def test_a_direction_that_no_law_hears_is_no_second_way_to_do_without():
     """Where the compensator went away, the direction is still announced."""
     repetitions = session([0] * 10 + [1] * 10, np.random.default_rng(0), help=0.4)
-    for r in repetitions[24:]:
+    for r in repetitions[30:]:
         r.compensation = Compensation('none', '', 1)
     evaluation = judged(repetitions)
     assert evaluation.pair() == (PLAIN, HELPED)

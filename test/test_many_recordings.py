@@ -5,7 +5,6 @@
 import json
 import os
 from pathlib import Path
-import pickle
 import shutil
 import signal
 import subprocess
@@ -23,9 +22,9 @@ from work_that_may_die import work_that_may_die
 
 from friction_comp import parallel
 from friction_comp.__main__ import run
-from friction_comp.evaluation.conditions import repetitions_csv
-from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
-from friction_comp.parallel import attempt, Failure, run_each
+from friction_comp.evaluation.conditions import evaluate_recordings
+from friction_comp.parallel import Failure, run_each
+from friction_comp.recorded_drive.pieces import pieces_of
 from friction_comp.recordings import write_samples
 from simulated_recordings.drives import excitation_for, random_drive, record
 
@@ -97,7 +96,7 @@ def test_each_of_two_robots_in_one_recording_is_a_joint_of_its_own(two_robots, t
     pieces, failures = pieces_of([two_robots])
     assert [piece.joint for piece in pieces] == ROBOTS
     assert not failures
-    found = evaluate_pieces(pieces)
+    found = evaluate_recordings([two_robots])
     assert [evaluation.joint for evaluation in found] == ROBOTS
     for evaluation, load in zip(found, (1.0, 2.0)):
         assert {condition.peak_torque for condition in evaluation.conditions} == {load}
@@ -174,20 +173,6 @@ def test_many_processes_are_for_many_models(folder, refuses):
     refuses('--each', 'refine', folder, '--jobs', '2')
 
 
-def test_neither_processes_nor_the_order_in_which_recordings_finish_change_results(tmp_path):
-    pieces, failures = pieces_of([trials(tmp_path, 2)])
-
-    def backwards(work, things):
-        """As between processes: work, things and outcomes are pickled."""
-        for k in reversed(range(len(things))):
-            outcome = attempt(*pickle.loads(pickle.dumps((work, things[k]))))
-            yield k, pickle.loads(pickle.dumps(outcome))
-    plain, = evaluate_pieces(pieces, failures)
-    other, = evaluate_pieces(pieces, failures, run=backwards)
-    assert repetitions_csv([plain]) == repetitions_csv([other])
-    assert plain.as_dict() == other.as_dict()
-
-
 def test_a_bug_costs_one_item_of_many_and_is_raised_for_a_single_one():
     assert list(run_each(lambda x: 1 / x, [1, 0])) == [
         (0, 1.0), (1, Failure('0: ZeroDivisionError: division by zero'))]
@@ -218,12 +203,10 @@ def test_processes_are_started_only_where_they_save_time(tmp_path, monkeypatch):
     room = trials(tmp_path / 'r', 1)
     for k in range(1, 8):
         shutil.copytree(room / 't0', room / f't{k}')
-    # Small recordings are evaluated faster than a process starts.
     arguments = [str(room), '--output', str(tmp_path / 'out')]
     assert run('evaluate', arguments) == 0
-    for command, *more in (('evaluate', '--jobs', '2'), ('refine', '--each')):
-        with pytest.raises(AssertionError, match='was started'):
-            run(command, [*arguments, *more])
+    with pytest.raises(AssertionError, match='was started'):
+        run('refine', [*arguments, '--each'])
 
 
 @pytest.mark.slow

@@ -9,15 +9,9 @@ from helpers import ROOT
 import numpy as np
 import pytest
 
-from friction_comp.evaluation.compare import Trend
-from friction_comp.evaluation.neighbours import mean_interval
-from friction_comp.evaluation.sessions import evaluate_recordings
-from friction_comp.reports.evaluation_report import (
-    evaluation_figure,
-    evaluation_report,
-    trend_figure,
-)
-from friction_comp.reports.figures import COLOURS, for_page, new_figure, thin_extremes
+from friction_comp.evaluation.conditions import evaluate_recordings
+from friction_comp.reports.evaluation_report import evaluation_report
+from friction_comp.reports.figures import for_page, new_figure, thin_extremes
 
 LIVE_PAGES = True
 
@@ -71,14 +65,3 @@ def test_joints_with_the_same_verdict_share_one_and_have_a_section_each(evaluati
     assert re.findall(r'href="#section-\d">([^<]*)</a>', page) == [
         'Joint elbow', 'Joint shoulder', 'Sources']
     assert len(re.findall('>In detail</h3>', page)) == 2
-
-
-def test_a_condition_has_one_colour_in_movements_and_trends(evaluation):
-    pair = evaluation.pair()
-    days = {day: mean_interval([1.0, 2.0]) for day in ('2026-01-01', '2026-01-02')}
-    drawn = trend_figure([Trend('peak_torque', one, days, None, None) for one in pair], evaluation)
-    trends = [bars.lines[0].get_color() for bars in drawn.axes[0].containers]
-    movements = [next(
-        line.get_color() for line in evaluation_figure(evaluation).axes[0].get_lines()
-        if str(line.get_label()).startswith(evaluation.label(one))) for one in pair]
-    assert trends == movements == [COLOURS['grey'], COLOURS['blue']]

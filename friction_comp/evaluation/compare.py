@@ -1,40 +1,119 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compares conditions over their repetitions and from day to day, with confidence intervals."""
+"""Compares conditions over their repetitions, with confidence intervals.
+
+Repetitions are no independent draws: a person tires, and is for a while stronger or weaker. How
+alike neighbours are a few repetitions cannot tell, so every correlation counts by its likelihood.
+What fewer than `FEWEST` repetitions show has no interval, and is not tested.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from datetime import date
+from dataclasses import asdict, dataclass
 from itertools import combinations, pairwise
 import math
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
-from friction_comp.evaluation.neighbours import first_coefficient, Interval, mean_interval, NOTHING
 from friction_comp.evaluation.repetitions import Compensation, FIGURES, ODD, Repetition
-from friction_comp.statistics import CONFIDENCE, holm, rms, student_quantile
+from friction_comp.statistics import CONFIDENCE, holm, student_quantile, student_tail
 
-# Compared where they are known, the trend is of the first; the first two need a torque sensor.
-COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
-            'smoothness')
-_SIGNIFICANT = 0.05
-# Values beyond the coefficients that a test needs.
-_LEAST_FREEDOM = 2
+FEWEST = 5
+"""Repetitions below which nothing is said of chance."""
+# Compared where they are known; the first two need a torque sensor.
+_COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'onset')
 # A condition scatters no less than this share of both together.
 _LEAST_SCATTER = 1e-3
-# Of the values' RMS: standard deviation, before any was seen, of a steady change over a day's
-# session.
-_CHANGE = 0.3
+# Correlations of neighbouring repetitions, and how likely they are before any was seen: strong ones
+# are rare.
+_CORRELATIONS = np.arange(0.0, 0.95, 0.1)
+_PRIOR = (1.0 - _CORRELATIONS) ** 1.5
+# Share of the values' RMS below which their scatter is rounding, and a square that counts where
+# values do not scatter at all, as those of a dead sensor.
+_ROUNDING, _NOTHING = 1e-9, 1e-100
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate with the ends of its 95 % interval, None where it is not known."""
+
+    mean: float
+    low: float | None
+    high: float | None
+    count: int
+
+    @property
+    def half(self) -> float | None:
+        """Half the width of the interval."""
+        return None if self.low is None or self.high is None else 0.5 * (self.high - self.low)
+
+    def as_dict(self) -> dict[str, float | int | None]:
+        """Return the entry of report.json."""
+        return asdict(self)
+
+
+def mean_interval(values: Sequence[float], order: Sequence[float] | None = None) -> Interval:
+    """Return the mean of one or more values with its interval, if they are enough.
+
+    `order` are the values' places in time, ascending; they follow each other without it.
+    """
+    count, mean = len(values), float(np.mean(values))
+    if count < FEWEST:
+        return Interval(mean, None, None, count)
+    place = np.arange(count) if order is None else np.asarray(order)
+    error = standard_error(np.asarray(values), np.ones((count, 1)), place, np.ones(count))
+    half = float(student_quantile(count - 1)) * error
+    return Interval(mean, mean - half, mean + half, count)
 
 
 def share_interval(hits: int, count: int) -> Interval:
-    """Return the share of hits in `count` with Wilson's interval."""
-    ends = stats.binomtest(hits, count).proportion_ci(CONFIDENCE, method='wilson')
-    return Interval(hits / count, float(ends.low), float(ends.high), count)
+    """Return the share of hits in `count` with Wilson's interval (1927)."""
+    share, z = hits / count, float(student_quantile(1e6))
+    middle, width = share + z * z / (2 * count), 1.0 + z * z / count
+    half = z * math.sqrt(share * (1.0 - share) / count + z * z / (4 * count * count))
+    return Interval(share, max((middle - half) / width, 0.0), min((middle + half) / width, 1.0),
+                    count)
+
+
+def standard_error(values: np.ndarray, columns: np.ndarray, place: np.ndarray, scatter: np.ndarray
+                   ) -> float:
+    """Return the standard error of the first coefficient of a least-squares fit.
+
+    `values` are of shape (N,), `columns` (N, P) with rank P < N. `place` (N,) are the values'
+    places in time, ascending. Errors, in proportion to `scatter` (N,), are a process of first
+    order, and the variance is its mean over all correlations, each by its restricted likelihood.
+    """
+    count, width = columns.shape
+    weights = scatter * np.linalg.pinv(columns)[0]
+    gaps = np.diff(place, prepend=-np.inf)
+    even = np.column_stack((values, columns)) / scatter[:, np.newaxis]
+    least = count * (_ROUNDING * float(np.sqrt(np.mean(even[:, 0] ** 2)))) ** 2 + _NOTHING
+    likelihood, variance = [], []
+    for correlation in _CORRELATIONS:
+        # How alike a value is to the one before it: less that, in equal scale, they are white.
+        alike = correlation ** gaps
+        scale = 1.0 / np.sqrt(1.0 - alike ** 2)
+        before = np.concatenate((np.zeros_like(even[:1]), even[:-1]))
+        white = (even - alike[:, np.newaxis] * before) * scale[:, np.newaxis]
+        # The last diagonal element is what the fit leaves.
+        triangle = np.abs(np.diag(np.linalg.qr(np.roll(white, -1, axis=1), 'r')))
+        square = max(float(triangle[-1] ** 2), least) / (count - width)
+        likelihood.append(np.sum(np.log(scale)) - np.sum(np.log(triangle[:-1]))
+                          - 0.5 * (count - width) * np.log(square))
+        variance.append(square * _variance_of(weights, alike))
+    share = _PRIOR * np.exp(np.array(likelihood) - max(likelihood))
+    return float(np.sqrt(np.average(variance, weights=share)))
+
+
+def _variance_of(weights: np.ndarray, alike: np.ndarray) -> float:
+    """Return the variance of a weighted sum of a process of first order with variance 1."""
+    total = carried = 0.0
+    for k, weight in enumerate(weights.tolist()):
+        carried = alike[k] * (carried + (weights[k - 1] if k else 0.0))
+        total += weight * (weight + 2.0 * carried)
+    return max(float(total), 0.0)
 
 
 @dataclass
@@ -47,8 +126,7 @@ class Comparison:
     pairs: int  # number of pairs that such movements can form
     mean_first: float  # over the days and directions of the pairs
     mean_second: float
-    # Second minus first, beside a steady change over each day's session.
-    difference: Interval
+    without_drift: Interval     # second minus first, beside a steady change over each day's session
     p_value: float | None  # of Student's t, with Holm's correction; None where `untested`
     # Whether either condition also came after the other on one day. Else what changed in between,
     # and not steadily, is part of the difference.
@@ -56,9 +134,14 @@ class Comparison:
     untested: str = ''  # why there is no p-value
 
     @property
+    def difference(self) -> float:
+        """Second mean minus first mean."""
+        return self.mean_second - self.mean_first
+
+    @property
     def significant(self) -> bool:
         """Whether the difference is statistically significant."""
-        return self.p_value is not None and self.p_value < _SIGNIFICANT
+        return self.p_value is not None and self.p_value < 1.0 - CONFIDENCE
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
@@ -66,8 +149,8 @@ class Comparison:
             'figure': self.figure, 'unit': FIGURES[self.figure][1],
             'first': self.first.as_dict(), 'second': self.second.as_dict(), 'pairs': self.pairs,
             'mean_first': self.mean_first, 'mean_second': self.mean_second,
-            'difference': self.difference.as_dict(), 'p_value': self.p_value,
-            'in_turn': self.in_turn, 'untested': self.untested or None}
+            'difference': self.difference, 'without_drift': self.without_drift.as_dict(),
+            'p_value': self.p_value, 'in_turn': self.in_turn, 'untested': self.untested or None}
 
 
 def _is_informative(first: Compensation, second: Compensation, baseline: Compensation) -> bool:
@@ -77,11 +160,12 @@ def _is_informative(first: Compensation, second: Compensation, baseline: Compens
     condition changes against kinetic compensation with the same model; and what law, model,
     settings or direction alone changes. Other differences in several respects answer no question.
     """
+    compensated = 'none' not in (first.law, second.law)
+    changes = (first.law != second.law, first.announced != second.announced,
+               compensated and first.model != second.model,
+               compensated and first.settings != second.settings)
     return ((first == baseline and not first.uses_direction)
-            or (first.law == 'kinetic' and first.model == second.model)
-            or sum((first.law != second.law, first.announced != second.announced, *(
-                'none' not in (first.law, second.law) and a != b for a, b in (
-                    (first.model, second.model), (first.settings, second.settings))))) == 1)
+            or (first.law == 'kinetic' and first.model == second.model) or sum(changes) == 1)
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
@@ -94,30 +178,25 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     ordered = sorted({r.compensation for r in repetitions}, key=lambda condition: (
         condition.uses_direction, condition.law != 'none', condition))
     comparisons = []
-    for first, second in combinations(ordered, 2):
-        if not _is_informative(first, second, ordered[0]):
-            continue
-        for figure in COMPARED:
-            both = [[r for r in repetitions if r.compensation == condition and figure in r.figures]
-                    for condition in (first, second)]
-            signs = set.intersection(*({r.movement.sign for r in own} for own in both))
-            if signs:
-                comparisons.append(_compare_movements(figure, first, second, [
+    for figure in _COMPARED:
+        own = []
+        for first, second in combinations(ordered, 2):
+            signs = [{r.movement.sign for r in repetitions if r.compensation == condition
+                      and figure in r.figures} for condition in (first, second)]
+            both = signs[0] & signs[1]
+            if both and _is_informative(first, second, ordered[0]):
+                own.append(_compare(figure, first, second, [
                     r for r in repetitions if r.compensation in (first, second)
-                    and figure in r.figures and r.movement.sign in signs]))
-    for figure in COMPARED:
-        _correct([c for c in comparisons if c.figure == figure and c.p_value is not None])
+                    and figure in r.figures and r.movement.sign in both]))
+        tested = [c for c in own if c.p_value is not None]
+        for one, p_value in zip(tested, holm([c.p_value or 0.0 for c in tested])):
+            one.p_value = float(p_value)
+        comparisons += own
     return comparisons
 
 
-def _correct(tested: Sequence[Comparison | Trend]) -> None:
-    """Correct p-values for their number."""
-    for one, p_value in zip(tested, holm([one.p_value or 0.0 for one in tested])):
-        one.p_value = float(p_value)
-
-
-def _compare_movements(figure: str, first: Compensation, second: Compensation,
-                       repetitions: list[Repetition]) -> Comparison:
+def _compare(figure: str, first: Compensation, second: Compensation, repetitions: list[Repetition]
+             ) -> Comparison:
     """Compare one figure of repetitions, in order of time, under two conditions.
 
     Least squares with a mean for each day and direction, the difference of the conditions, and a
@@ -126,47 +205,36 @@ def _compare_movements(figure: str, first: Compensation, second: Compensation,
     values = np.array([r.figures[figure] for r in repetitions])
     is_second = np.array([r.compensation == second for r in repetitions])
     kinds = [(r.day, r.movement.sign) for r in repetitions]
-    index = {kind: k for k, kind in enumerate(dict.fromkeys(kinds))}
-    of_kind = np.array([index[kind] for kind in kinds])[:, np.newaxis] == np.arange(len(index))
+    of_kind = np.array([[kind == one for one in dict.fromkeys(kinds)] for kind in kinds])
     pairs = np.minimum(of_kind[is_second].sum(axis=0), of_kind[~is_second].sum(axis=0))
-    count = int(pairs.sum())
     before, after = (_mean(values, own, of_kind, pairs) for own in (~is_second, is_second))
     changes = {(a.compensation == second, b.compensation == second)
                for a, b in pairwise(repetitions) if a.day == b.day}
+    count = int(pairs.sum())
     comparison = Comparison(
         figure, first, second, pairs=count, mean_first=before, mean_second=after,
-        difference=Interval(after - before, None, None, count), p_value=None,
+        without_drift=Interval(after - before, None, None, count), p_value=None,
         in_turn={(True, False), (False, True)} <= changes)
     place = np.array([r.place for r in repetitions])
     # Within each day, since days lie apart.
     since = place - of_kind @ (place @ of_kind / of_kind.sum(axis=0))
     columns = np.column_stack([is_second, since, of_kind]).astype(float)
-    comparison.untested = _obstacle(comparison, repetitions, columns)
+    comparison.untested = _obstacle(count, repetitions, columns)
     if comparison.untested:
         return comparison
     scatter, freedom = _scatter(values, columns, is_second)
-    difference, error = first_coefficient(*_with_change(values, columns, place, scatter))
-    comparison.difference = Interval.around(
-        difference, float(student_quantile(freedom)) * error, count)
-    lower = second if difference < 0.0 else first
+    change = float(np.linalg.pinv(columns)[0] @ values)
+    error = standard_error(values, columns, place, scatter)
+    half = float(student_quantile(freedom)) * error
+    comparison.without_drift = Interval(change, change - half, change + half, count)
+    lower = second if change < 0.0 else first
     if figure == 'peak_torque' and any(
             not r.moved for r in repetitions if r.compensation == lower):
         comparison.untested = ('the joint did not always move where the torque is lower, so that '
                                'it may not be')
     else:
-        comparison.p_value = float(2.0 * stats.t.sf(abs(difference) / error, freedom))
+        comparison.p_value = student_tail(change / error, freedom)
     return comparison
-
-
-def _with_change(values: np.ndarray, columns: np.ndarray, place: np.ndarray, scatter: np.ndarray
-                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the arguments of `first_coefficient` with one more value: a change of 0, loosely."""
-    rate = _CHANGE * rms(values) / max(float(np.ptp(columns[:, 1])), 1.0)
-    usual = rms(scatter)
-    row = np.zeros(columns.shape[1])
-    row[1] = usual / max(rate, math.sqrt(NOTHING))
-    return (np.append(values, 0.0), np.vstack([columns, row]), np.append(place, np.inf),
-            np.append(scatter, usual))
 
 
 def _mean(values: np.ndarray, own: np.ndarray, of_kind: np.ndarray, pairs: np.ndarray) -> float:
@@ -177,12 +245,12 @@ def _mean(values: np.ndarray, own: np.ndarray, of_kind: np.ndarray, pairs: np.nd
     return float(np.average(values @ chosen / np.maximum(count, 1), weights=weights))
 
 
-def _obstacle(comparison: Comparison, repetitions: list[Repetition], columns: np.ndarray) -> str:
+def _obstacle(pairs: int, repetitions: list[Repetition], columns: np.ndarray) -> str:
     """Return why two conditions cannot be tested against each other, '' if they can.
 
     `columns`, (N, M), are those fitted to the N values; the first is 1 for the second condition.
     """
-    if not comparison.pairs:
+    if not pairs:
         return ('they were recorded on different days, and what else changed from day to day is '
                 'not known')
     # Durations and distances.
@@ -191,9 +259,9 @@ def _obstacle(comparison: Comparison, repetitions: list[Repetition], columns: np
     change = np.median(sizes[is_second], axis=0) - np.median(sizes[~is_second], axis=0)
     if (np.abs(change) > math.log(1.0 + ODD)).any():
         return "movements of one took longer or went farther than the other's"
-    count, width = columns.shape
-    if count - width < _LEAST_FREEDOM or np.linalg.matrix_rank(columns) < width:
-        return 'the repetitions are too few to tell it from chance'
+    if (min(is_second.sum(), (~is_second).sum()) < FEWEST
+            or np.linalg.matrix_rank(columns) < columns.shape[1]):
+        return f'fewer than {FEWEST} repetitions of each do not tell it from chance'
     return ''
 
 
@@ -208,7 +276,7 @@ def _scatter(values: np.ndarray, columns: np.ndarray, is_second: np.ndarray
     square = (values - columns @ (weights @ values)) ** 2
     # Each condition loses degrees of freedom to the coefficients in proportion to its repetitions.
     share = 1.0 - columns.shape[1] / len(values)
-    least = _LEAST_SCATTER ** 2 * float(square.mean()) + NOTHING
+    least = _LEAST_SCATTER ** 2 * float(square.mean()) + _NOTHING
     scatter, parts, freedoms = np.empty(len(values)), [], []
     for own in (is_second, ~is_second):
         freedoms.append(share * float(own.sum()))
@@ -216,59 +284,3 @@ def _scatter(values: np.ndarray, columns: np.ndarray, is_second: np.ndarray
         parts.append(float(np.sum((weights[0] * scatter)[own] ** 2)))
     return scatter, sum(parts) ** 2 / sum(
         part ** 2 / freedom for part, freedom in zip(parts, freedoms))
-
-
-@dataclass
-class Trend:
-    """One figure under one condition by day."""
-
-    figure: str  # a name in `FIGURES`
-    compensation: Compensation
-    days: dict[str, Interval]  # mean over the day's repetitions, by ISO date
-    # Slope through the daily means, None for fewer than three days.
-    per_week: Interval | None
-    p_value: float | None  # of the slope
-
-    @property
-    def significant(self) -> bool:
-        """Whether the slope is statistically significant."""
-        return self.p_value is not None and self.p_value < _SIGNIFICANT
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the entry of report.json."""
-        return {
-            'figure': self.figure, 'unit': FIGURES[self.figure][1], **self.compensation.as_dict(),
-            'days': {day: value.as_dict() for day, value in self.days.items()},
-            'per_week': self.per_week.as_dict() if self.per_week else None,
-            'p_value': self.p_value}
-
-
-def trends(repetitions: Sequence[Repetition]) -> list[Trend]:
-    """Return the trend of each condition's leading figure; empty for repetitions of one day."""
-    dated = [r for r in repetitions if r.day]
-    if len({r.day for r in dated}) < 2:
-        return []
-    found = [_trend(condition, [r for r in dated if r.compensation == condition])
-             for condition in sorted({r.compensation for r in dated})]
-    _correct([trend for trend in found if trend.p_value is not None])
-    return found
-
-
-def _trend(condition: Compensation, repetitions: list[Repetition]) -> Trend:
-    figure = next((name for name in COMPARED if any(name in r.figures for r in repetitions)),
-                  'smoothness')
-    known = [r for r in repetitions if figure in r.figures]
-    # Without the difference between the two directions of movement, which is no trend.
-    usual = {sign: float(np.mean([r.figures[figure] for r in known if r.movement.sign == sign]))
-             for sign in {r.movement.sign for r in known}}
-    middle = sum(usual.values()) / max(len(usual), 1)
-    days = {day: mean_interval(
-        [r.figures[figure] - usual[r.movement.sign] + middle for r in known if r.day == day],
-        [r.place for r in known if r.day == day]) for day in sorted({r.day for r in known})}
-    if len(days) < 3:
-        return Trend(figure, condition, days, None, None)
-    weeks = np.array([date.fromisoformat(day).toordinal() for day in days]) / 7.0
-    line = stats.linregress(weeks, [value.mean for value in days.values()])
-    slope = Interval.around(
-        float(line.slope), student_quantile(len(days) - 2) * float(line.stderr), len(days))
-    return Trend(figure, condition, days, slope, float(line.pvalue))

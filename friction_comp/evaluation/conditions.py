@@ -9,7 +9,7 @@ active law and model, the announced direction d, and the direction of the moveme
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 import csv
 from dataclasses import dataclass, field, replace
 import io
@@ -21,12 +21,17 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.evaluation import compare
-from friction_comp.evaluation.ensemble import Ensemble
+from friction_comp.evaluation.compare import (
+    compare,
+    Comparison,
+    Interval,
+    mean_interval,
+    share_interval,
+)
 from friction_comp.evaluation.movements import find_movements
-from friction_comp.evaluation.neighbours import Interval, mean_interval
 from friction_comp.evaluation.repetitions import (
     Compensation,
+    curve_times,
     FIGURES,
     measure,
     NAMES,
@@ -34,11 +39,15 @@ from friction_comp.evaluation.repetitions import (
     Repetition,
     torque_figures,
 )
-from friction_comp.recordings import RecordingInfo
+from friction_comp.recorded_drive.pieces import Piece, pieces_of
+from friction_comp.recordings import read_recording_with_info, RecordingInfo
+from friction_comp.recordings.sources import without_topic
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 if TYPE_CHECKING:
-    # Importing it takes longer than all else, and few evaluations need it.
+    # Few evaluations need it.
+    from friction_comp.layout import Layout
     from friction_comp.model.friction_model import FrictionModel
 
 # Movements by which two days lie apart, so that none is like one of the day before.
@@ -99,8 +108,7 @@ class Evaluation:
     conditions: list[Condition]
     model: str | None  # model files that were active
     repetitions: list[Repetition]
-    comparisons: list[compare.Comparison]  # between conditions with the same movements
-    trends: list[compare.Trend]  # empty where all repetitions are of one day
+    comparisons: list[Comparison]  # between conditions with the same movements
     notes: list[str]
 
     @property
@@ -180,8 +188,7 @@ class Evaluation:
             'reduction_is_bound': self.is_bound, 'model': self.model,
             'torque_measured': self.measured,
             'comparisons': [c.as_dict() for c in self.comparisons],
-            'trends': [t.as_dict() for t in self.trends], 'notes': self.notes,
-        }
+            'notes': self.notes}
 
 
 def repetitions_csv(evaluations: Sequence[Evaluation]) -> str:
@@ -227,38 +234,90 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
         raise InputError('no recording to evaluate')
     measured = MeasuredJoint(recordings[0].joint)
     for k, (samples, name) in enumerate(zip(recordings, names)):
-        info = about[k] if about else RecordingInfo(Path())
-        found = repetitions_of(samples, name, info, friction, measured.notes)
-        if not found:
-            raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
-        measured.add_repetitions(found)
+        measured.add(samples, name, about[k] if about else RecordingInfo(Path()), friction)
     return measured.evaluate(model)
+
+
+def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
+                        layout: Layout | None = None, model: str | Path | None = None,
+                        progress: Callable[[float], None] = lambda share: None
+                        ) -> list[Evaluation]:
+    """Evaluate recordings, or folders of them; return one evaluation for each joint.
+
+    Recordings that cannot be used are named in the notes. `layout` has the columns of tables;
+    `model` is the file of one joint or of an arm, for the missing current (see `evaluate`): joints
+    that it does not hold are left out. `progress` is called with the share 0..1 that is done.
+    Raises InputError if no recording can be used, with the first one's reason.
+    """
+    joints: dict[str, MeasuredJoint] = {}
+    pieces, left_out = pieces_of(paths, joint, layout)
+    for done, piece in enumerate(pieces):
+        progress(done / len(pieces))
+        try:
+            _add_piece(joints, piece, model)
+        except InputError as error:
+            left_out.append(str(error))
+    found = [measured for measured in joints.values() if measured.repetitions]
+    if not found:
+        raise InputError(left_out[0])
+    active = ', '.join(dict.fromkeys(name for one in found for name in one.models)) or None
+    for measured in found:
+        measured.notes += [f'left out: {reason}' for reason in left_out]
+    return [measured.evaluate(active) for measured in found]
+
+
+def _add_piece(joints: dict[str, MeasuredJoint], piece: Piece, model: str | Path | None) -> None:
+    friction = None
+    if model is not None:
+        from friction_comp.model.friction_model import FrictionModel
+
+        name = without_topic(piece.path, piece.joint)
+        friction = FrictionModel.load(model, name)
+        friction.check_joint(name, model)
+    (samples, info), = read_recording_with_info(
+        piece.path, piece.joint, 1.0 if friction is None else friction.drive.torque_per_current,
+        layout=piece.layout, others=friction is not None and friction.arm is not None)
+    # Joints of one name in several topics are different drives.
+    name = piece.joint or info.joint
+    measured = joints.setdefault(name, MeasuredJoint(name))
+    measured.notes += [text for note in info.notes
+                       if (text := f'{piece.path}: {note}') not in measured.notes]
+    measured.add(samples, str(piece.path), info, friction)
 
 
 @dataclass
 class MeasuredJoint:
-    """The repetitions of one joint, and the averages of their curves by kind of movement."""
+    """The repetitions of one joint, in any order."""
 
     joint: str
     repetitions: list[Repetition] = field(default_factory=list)
-    averages: dict[Any, Ensemble] = field(default_factory=dict)  # by `Repetition.kind`
     notes: list[str] = field(default_factory=list)
     models: list[str] = field(default_factory=list)
 
-    def add_repetitions(self, repetitions: Sequence[Repetition]) -> None:
-        """Add repetitions; their curves are summed up in the averages and not kept."""
-        for r in repetitions:
-            self.averages.setdefault(r.kind, Ensemble()).add(Ensemble.of_movement(r.curves))
-            r.curves = {}
-        self.repetitions += repetitions
-
-    def merge(self, other: MeasuredJoint) -> None:
-        """Add what was measured in another recording of the joint."""
-        self.repetitions += other.repetitions
-        for kind, ensemble in other.averages.items():
-            self.averages.setdefault(kind, Ensemble()).add(ensemble)
-        self.notes += other.notes
-        self.models += other.models
+    def add(self, samples: Samples, name: str, info: RecordingInfo,
+            friction: FrictionModel | None = None) -> None:
+        """Add the movements of a recording; raises InputError if there is none."""
+        movements, notes = find_movements(samples), []
+        if not movements:
+            raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
+        if samples.load is None:
+            notes.append(f'no interaction_wrench of joint {samples.joint!r}: the back-driving '
+                         'torque is not known, only what position and current show')
+        if samples.direction is None:
+            notes.append('no direction was recorded, d = 0 is assumed')
+        if samples.reference_position is None and samples.reference_velocity is None:
+            notes.append('no reference was recorded, repetitions begin with the motion itself')
+        if len(movements) > 1 and movements[-1].end > samples.time[-1] - samples.sample_time:
+            notes.append('the last movement is cut off and left out')
+            movements.pop()
+        residual = None
+        if friction is not None:
+            sent = np.nan if samples.command is None else samples.command
+            residual = friction.predict(samples) - np.where(np.isnan(sent), samples.current, sent)
+        self.repetitions += [measure(samples, movement, name, info, residual)
+                             for movement in movements]
+        self.notes += [text for note in notes if (text := f'{name}: {note}') not in self.notes]
+        self.models += [info.model] if info.model else []
 
     def evaluate(self, model: str | None) -> Evaluation:
         """Evaluate one or more repetitions; `model` are the files that were active."""
@@ -276,11 +335,10 @@ class MeasuredJoint:
                    in_order_of_time.index(r.compensation), -r.movement.sign, r.movement.direction)
             groups.setdefault(key, []).append(r)
         kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
-        conditions = [_condition(group, self.averages, notes) for group in kept]
+        conditions = [_condition(group, notes) for group in kept]
         notes += _reversed_torque(conditions)
         all_kept = sorted((r for group in kept for r in group), key=lambda r: (r.day, r.place))
-        return Evaluation(self.joint, conditions, model, repetitions, notes=notes,
-                          comparisons=compare.compare(all_kept), trends=compare.trends(all_kept))
+        return Evaluation(self.joint, conditions, model, repetitions, compare(all_kept), notes)
 
 
 def _of_one_condition(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
@@ -294,71 +352,38 @@ def _of_one_condition(repetitions: list[Repetition], notes: list[str]) -> list[R
     return kept
 
 
-def repetitions_of(samples: Samples, name: str, info: RecordingInfo,
-                   friction: FrictionModel | None, notes: list[str],
-                   whole: bool = True) -> list[Repetition]:
-    """Find and measure the movements of a recording, or of a stretch of it; add new `notes`.
-
-    One that reaches the end is left out, unless it is the only one of a `whole` recording.
-    """
-    movements = find_movements(samples)
-    new_notes = []
-    if samples.load is None:
-        new_notes.append(f'{name}: no interaction_wrench of joint {samples.joint!r}: the '
-                         'back-driving torque is not known, only what position and current show')
-    if samples.direction is None:
-        new_notes.append(f'{name}: no direction was recorded, d = 0 is assumed')
-    if samples.reference_position is None and samples.reference_velocity is None:
-        new_notes.append(f'{name}: no reference was recorded, repetitions begin with the motion '
-                         'itself')
-    residual = None
-    if friction is not None and movements:
-        sent = np.nan if samples.command is None else samples.command
-        residual = friction.predict(samples) - np.where(np.isnan(sent), samples.current, sent)
-    measured = []
-    for movement in movements:
-        if movement.end > samples.time[-1] - samples.sample_time and (
-                len(movements) > 1 or not whole):
-            if whole:
-                new_notes.append(f'{name}: the last movement is cut off and left out')
-            continue
-        measured.append(measure(samples, movement, name, info, residual))
-    notes.extend(note for note in new_notes if note not in notes)
-    return measured
-
-
 def _without_odd_durations(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
-    median = float(np.median([r.usual_duration for r in repetitions]))
-    kept = [r for r in repetitions if abs(r.usual_duration - median) <= ODD * median]
+    median = float(np.median([r.duration for r in repetitions]))
+    kept = [r for r in repetitions if abs(r.duration - median) <= ODD * median]
     # With an even number, the median may be far from all of them.
-    if not kept:
-        return repetitions
-    if len(kept) < len(repetitions):
+    if kept and len(kept) < len(repetitions):
         notes.append(
             f'{len(repetitions) - len(kept)} of {len(repetitions)} repetitions with '
             f'{repetitions[0].compensation.label} lasted much longer or shorter than the others '
             'and are left out')
-    return kept
+    return kept or repetitions
 
 
-def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
-               notes: list[str]) -> Condition:
-    first, ensemble = repetitions[0], Ensemble()
-    for kind in dict.fromkeys(r.kind for r in repetitions):
-        ensemble.add(averages[kind])
-    duration = float(np.median([r.duration for r in repetitions]))
-    time, points = ensemble.points(float(np.median([r.shown_time for r in repetitions])))
-    torque, torque_std = ensemble.mean_and_std('load', points)
-    position, position_std = ensemble.mean_and_std('position', points)
-    has_reference = ensemble.is_complete('reference_position', points)
-    peaks = [r.figures['peak_torque'] for r in repetitions if 'peak_torque' in r.figures]
-    restless = sum(r.restless for r in repetitions)
+def _condition(repetitions: list[Repetition], notes: list[str]) -> Condition:
+    first, restless = repetitions[0], sum(r.restless for r in repetitions)
     if restless:
         notes.append(
             f'the joint did not come to rest before {restless} of {len(repetitions)} movements '
             f'with {first.compensation.label} in the {NAMES[first.movement.sign]} direction')
-    starts = sum(r.false_start for r in repetitions)
+    time = curve_times(float(np.median([r.shown_time for r in repetitions])))
+    curves = {name: np.array([_at(r.curves.get(name), len(time)) for r in repetitions])
+              for name in ('load', 'position', 'reference_position')}
+    # A mean over fewer curves would jump where one of them begins or ends.
+    whole = np.isfinite(curves['position']).all(axis=0)
+    if (whole & (time >= 0.0)).any():
+        time, curves = time[whole], {name: own[:, whole] for name, own in curves.items()}
+    (torque, torque_std), (position, position_std), (reference, _) = map(
+        _mean_and_std, curves.values())
     average = _average_torque_figures(repetitions, time, torque)
+    moves = (time >= 0.0) & (time <= np.median([r.duration for r in repetitions]))
+    loads = curves['load'][:, moves]
+    peaks = [r.figures['peak_torque'] for r in repetitions if 'peak_torque' in r.figures]
+    starts = sum(r.false_start for r in repetitions)
     return Condition(
         compensation=first.compensation, direction=first.movement.direction,
         movement=NAMES[first.movement.sign], repetitions=len(repetitions),
@@ -367,21 +392,38 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
         peak_time=average.get('peak_time', math.nan),
         mean_torque_constant_velocity=average.get('constant_velocity_torque', math.nan),
         peak_torque_std=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else (
-            0.0 if peaks else float('nan')),
-        rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= duration)]),
-        false_starts=starts,
+            0.0 if peaks else math.nan),
+        rms_torque=rms(loads[np.isfinite(loads)]), false_starts=starts,
         figures={name: mean_interval([r.figures[name] for r in known], [r.place for r in known])
                  for name in FIGURES if (known := [r for r in repetitions if name in r.figures])},
-        false_start_share=compare.share_interval(starts, len(repetitions)),
+        false_start_share=share_interval(starts, len(repetitions)),
         time=time, torque=torque, torque_std=torque_std,
         position=position, position_std=position_std,
-        reference=ensemble.mean_and_std('reference_position', points)[0] if has_reference else None)
+        reference=reference if np.isfinite(curves['reference_position']).all() else None)
+
+
+def _at(curve: np.ndarray | None, size: int) -> np.ndarray:
+    """Return a curve at the first `size` points, NaN beyond its end, (size,)."""
+    known = np.full(size, np.nan)
+    if curve is not None:
+        known[:len(curve)] = curve[:size]
+    return known
+
+
+def _mean_and_std(curves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and standard deviation over curves, (R, N), NaN where none is known."""
+    known, values = np.isfinite(curves).sum(axis=0), np.nan_to_num(curves)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        mean = values.sum(axis=0) / known
+        square = (np.where(np.isfinite(curves), curves - mean, 0.0) ** 2).sum(axis=0)
+    return mean, np.where(known > 0, np.sqrt(square / np.maximum(known - 1, 1)), np.nan)
 
 
 def _reversed_torque(conditions: list[Condition]) -> list[str]:
     """Return a note where a joint moved without compensation against the person's torque."""
-    highest = [known.high for c in conditions if c.compensation.law == 'none'
-               if (known := c.figures.get('constant_velocity_torque')) and known.high is not None]
+    highest = [known.high if known.high is not None else known.mean for c in conditions
+               if c.compensation.law == 'none'
+               and (known := c.figures.get('constant_velocity_torque'))]
     # Weight and an offset of the sensor act against one direction, friction against both.
     return ['without compensation the torque at constant velocity is against the movement: the '
             'sign of interaction_wrench may be wrong'] * (len(highest) > 1 and sum(highest) < 0.0)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the movements in a recording, their announced directions and their smoothness."""
+"""Finds the movements in a recording and their announced directions."""
 
 from __future__ import annotations
 
@@ -21,9 +21,6 @@ _SMOOTHING = 0.05
 _SHORTEST = 0.1
 # Movements that cover less than this share of the longest are corrections, not repetitions.
 _SHORTEST_TRAVEL = 0.3
-# Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012): highest frequency, Hz,
-# amplitude threshold as a share of the largest, and zero padding as a power of two.
-_HIGHEST, _FAINTEST, _PADDING = 10.0, 0.05, 4
 # Least number of encoder steps of a movement, where there is no reference.
 _LEAST_STEPS = 20
 # Time by which a joint may start before the movement of the reference, s.
@@ -56,7 +53,7 @@ def find_movements(samples: Samples) -> list[Movement]:
     velocity = _reference_velocity(samples)
     moving, constant, shortest_travel = _MOVING, _CONSTANT, 0.0
     if velocity is None:
-        velocity = measured_velocity(samples)
+        velocity = _measured_velocity(samples)
         moving, constant = _MOVING_MEASURED, _CONSTANT_MEASURED
         shortest_travel = _LEAST_STEPS * samples.position_step
     top = top_speed(np.abs(velocity), 0.99)
@@ -93,7 +90,7 @@ def _reference_velocity(samples: Samples) -> np.ndarray | None:
     return np.gradient(samples.reference_position, samples.time)
 
 
-def measured_velocity(samples: Samples) -> np.ndarray:
+def _measured_velocity(samples: Samples) -> np.ndarray:
     """Return the velocity from a zero-phase moving average of position, rad/s, shape (N,)."""
     width = max(round(_SMOOTHING / max(samples.sample_time, 1e-6)), 1)
     kernel = np.ones(width) / width
@@ -114,23 +111,3 @@ def _announced_direction(samples: Samples, start: int, stop: int) -> int:
         return 0
     counts = np.bincount(samples.direction[start:stop].astype(int) + 1, minlength=3)
     return int(np.argmax(counts)) - 1
-
-
-def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
-    """Return the spectral arc length of a movement's speed, dimensionless.
-
-    It is about -1.4 for a single bell-shaped movement, and lower with each hesitation; NaN without
-    motion. `velocity` is in rad/s, shape (N,).
-    """
-    speed = np.abs(velocity)
-    size = 2 ** (int(np.ceil(np.log2(len(speed)))) + _PADDING)
-    amplitude = np.abs(np.fft.rfft(speed, size))
-    frequency = np.fft.rfftfreq(size, sample_time)
-    if not amplitude.max() > 0:
-        return float('nan')
-    in_band = frequency <= _HIGHEST
-    amplitude, frequency = amplitude[in_band] / amplitude.max(), frequency[in_band]
-    # Padded with zeros, the spectrum begins with several values near its largest.
-    last = int(np.nonzero(amplitude >= _FAINTEST)[0][-1]) + 1
-    steps = np.diff(frequency[:last]) / (frequency[last - 1] - frequency[0])
-    return float(-np.sum(np.hypot(steps, np.diff(amplitude[:last]))))

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.evaluation.ensemble import grid, LEAD
-from friction_comp.evaluation.movements import measured_velocity, Movement, spectral_arc_length
+from friction_comp.evaluation.movements import Movement
 from friction_comp.facts.timing import gap_length
 from friction_comp.recordings import Activity, RecordingInfo
 from friction_comp.recordings.time_base import HOLE
@@ -32,9 +31,8 @@ _ROUNDING = 1e-9
 # Repetitions whose duration differs from the median by more than this share are left out, and
 # conditions whose movements do are not tested against each other.
 ODD = 0.25
-# Movements whose durations differ by no more than this share are averaged or left out together.
-# Finer classes take more memory, coarser ones blur the limit of 25 % from the median.
-_DURATION_RATIO = 0.05
+# Of curves, s before a movement, share of its duration beyond its end, and s between points.
+_LEAD, _BEYOND, _STEP = 1.0, 0.25, 2e-3
 # Least number of encoder steps of a joint that has started moving.
 _LEAST_STEPS = 3
 NAMES = {1: 'positive', -1: 'negative'}
@@ -43,11 +41,7 @@ FIGURES = {
     'peak_torque': ('peak torque', 'N·m'), 'peak_time': ('time of the peak', 's'),
     'rms_torque': ('RMS torque', 'N·m'),
     'constant_velocity_torque': ('torque at constant velocity', 'N·m'),
-    'residual_current': ('residual current', 'A'), 'rms_current': ('RMS current', 'A'),
-    'onset': ('onset after reference', 's'),
-    'announcement_to_motion': ('onset after announcement', 's'),
-    'smoothness': ('smoothness (SPARC)', ''),
-}
+    'residual_current': ('residual current', 'A'), 'onset': ('onset after reference', 's')}
 
 
 @dataclass(frozen=True, order=True)
@@ -101,8 +95,8 @@ class Repetition:
     false_start: bool
     restless: bool  # whether the joint oscillated before the movement
     place: int = 0  # in order of time among all movements, those of other days far away
-    # 'load', 'position' and 'reference_position', where recorded, at the times of `ensemble.grid`;
-    # NaN beyond the recording and before the standstill; empty after they were added to an average.
+    # 'load', 'position' and 'reference_position', where recorded, at `curve_times`; NaN beyond the
+    # recording and before the standstill.
     curves: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
@@ -120,20 +114,10 @@ class Repetition:
         """Time from the movement's beginning to its end and until the joint has started, s."""
         return max(self.duration, self.figures.get('onset', -math.inf) + _AFTER_ONSET)
 
-    @property
-    def duration_class(self) -> int:
-        """Index of the class of movements with similar durations."""
-        return round(math.log(self.duration) / _DURATION_RATIO)
 
-    @property
-    def usual_duration(self) -> float:
-        """Duration in the middle of the class, s."""
-        return math.exp(_DURATION_RATIO * self.duration_class)
-
-    @property
-    def kind(self) -> tuple[Compensation, int, int, int]:
-        """Key of the movements whose curves are averaged together."""
-        return self.compensation, self.movement.sign, self.movement.direction, self.duration_class
+def curve_times(duration: float, beyond: float = 0.0) -> np.ndarray:
+    """Return the times of a movement's curve points since its beginning, s, shape (N,)."""
+    return np.arange(-round(_LEAD / _STEP), round((1.0 + beyond) * duration / _STEP) + 1) * _STEP
 
 
 def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo,
@@ -142,7 +126,7 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
     part = _between(samples.time, movement.begin, movement.end)
     has_reference = samples.reference_position is not None or samples.reference_velocity is not None
     onset = _onset(samples, movement) if has_reference else None
-    figures = {'rms_current': rms(samples.current[part])}
+    figures = {}
     if samples.load is not None:
         whole = _between(samples.time, movement.earliest, movement.rest_end)
         figures['rms_torque'] = rms(samples.load[part])
@@ -152,14 +136,7 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
         figures['residual_current'] = rms(residual[part])
     if onset is not None:
         figures['onset'] = onset - movement.begin
-        announced = _announcement(samples, movement)
-        if announced is not None and onset > announced:
-            figures['announcement_to_motion'] = onset - announced
     moved = onset is not None or not has_reference
-    # A joint that starts after the movement of the reference makes a movement of its own.
-    if moved and (onset is None or onset <= movement.end) and part.stop - part.start > 10:
-        velocity = measured_velocity(samples.take(part))
-        figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
     repetition = Repetition(
         recording=name, start=_wall_time(info), day=_date_of(info), movement=movement,
         compensation=_missing(samples, movement, onset) or _active_compensation(
@@ -219,15 +196,6 @@ def _onset(samples: Samples, movement: Movement) -> float | None:
     beyond = np.nonzero(displacement > max(
         _START_SHARE * movement.travel, _LEAST_STEPS * samples.position_step))[0]
     return float(samples.time[part.start + beyond[0]]) if len(beyond) else None
-
-
-def _announcement(samples: Samples, movement: Movement) -> float | None:
-    """Return the time at which the movement's direction was announced, s; None if it was not."""
-    if samples.direction is None or movement.direction != movement.sign:
-        return None
-    last = int(np.searchsorted(samples.time, movement.constant_begin))
-    others = np.nonzero(samples.direction[:last] != movement.sign)[0]
-    return float(samples.time[others[-1] + 1]) if len(others) and others[-1] + 1 < last else None
 
 
 def _missing(samples: Samples, movement: Movement, onset: float | None) -> Compensation | None:
@@ -302,14 +270,15 @@ def _wall_time(info: RecordingInfo) -> float:
 
 def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str, np.ndarray]:
     """Return load, position and reference at even times, NaN where they are not known."""
-    time = movement.begin + grid(shown_time)
+    time = movement.begin + curve_times(shown_time, _BEYOND)
     curves = {}
     for name in ('load', 'position', 'reference_position'):
         values = getattr(samples, name)
         if values is not None:
             curve = np.interp(time, samples.time, values, left=np.nan, right=np.nan)
             known = np.isfinite(values[_between(samples.time, movement.begin, movement.end)]).all()
-            curves[name] = np.where(known & (time >= movement.rest_begin), curve, np.nan)
+            curves[name] = np.where(known & (time >= movement.rest_begin), curve, np.nan).astype(
+                np.float32)
     return curves
 
 
@@ -321,7 +290,7 @@ def _is_restless(samples: Samples, movement: Movement) -> bool:
 
 def _is_false_start(samples: Samples, movement: Movement, peak: float | None) -> bool:
     middle_of_rest = 0.5 * (movement.rest_begin + movement.begin)
-    begin = max(middle_of_rest, movement.begin - LEAD)
+    begin = max(middle_of_rest, movement.begin - _LEAD)
     part = _between(samples.time, begin, movement.begin)
     still = int(np.searchsorted(samples.time[part], begin + _STILL))
     displacement = samples.position[part] - samples.position[part.start]

@@ -5,15 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from datetime import date
 
 from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.evaluation.compare import Trend
+from friction_comp.evaluation.compare import FEWEST, Interval
 from friction_comp.evaluation.conditions import Evaluation
-from friction_comp.evaluation.neighbours import Interval
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
+from friction_comp.number_text import number
 from friction_comp.reports import evaluation_words as words
 from friction_comp.reports.figures import band, COLOURS, INK, legend_below, new_figure, styled
 from friction_comp.reports.html import Report
@@ -23,8 +22,7 @@ _MOST_COMPARISONS, _MOST_TILES, _MOST_RECORDINGS = 24, 5, 12
 _TABLES = (
     ('Torque and current', ('peak_torque', 'rms_torque', 'constant_velocity_torque',
                             'residual_current')),
-    ('Timing and smoothness', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
-                               'rms_current')),
+    ('Timing', ('peak_time', 'onset')),
 )
 _EXPLANATIONS = {
     'peak_torque': (
@@ -35,11 +33,7 @@ _EXPLANATIONS = {
         'joint pulls the person.'),
     'residual_current': (
         'The residual current is the RMS difference between the current that the model predicts '
-        'for the movement and the commanded current. It is only as accurate as the model.'),
-    'smoothness': (
-        'Smoothness is the spectral arc length of the speed: about \u22121.4 for a single '
-        'bell-shaped movement, and lower with hesitations.')}
-_MARKERS = 'osD^vPX*'
+        'for the movement and the commanded current. It is only as accurate as the model.')}
 
 
 @styled
@@ -74,32 +68,6 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
     return figure
 
 
-@styled
-def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
-    """Draw each day's mean with its interval, and a line where the trend is significant."""
-    colours = _colours(evaluation)
-    figure, axes = new_figure(width=8.4, y=words.heading(trends[0].figure))
-    for k, trend in enumerate(trends):
-        # Shifted, so that intervals of one day do not overlap.
-        shift = 0.12 * (k - 0.5 * (len(trends) - 1))
-        days = np.array([date.fromisoformat(day).toordinal() for day in trend.days]) + shift
-        values = trend.days.values()
-        means = np.array([value.mean for value in values])
-        colour = COLOURS[colours[trend.compensation]]
-        axes.errorbar(days, means, [value.half or 0.0 for value in values],
-                      fmt=_MARKERS[k % len(_MARKERS)], color=colour, markersize=5, capsize=3,
-                      linewidth=1.2, label=evaluation.label(trend.compensation))
-        if trend.significant and trend.per_week is not None:
-            line = means.mean() + trend.per_week.mean / 7.0 * (days - days.mean())
-            axes.plot(days, line, color=colour, linewidth=1.0)
-    ticks = sorted({date.fromisoformat(day).toordinal() for t in trends for day in t.days})
-    step = max(1, -(-len(ticks) // 10))
-    axes.set_xticks(ticks[::step], [date.fromordinal(k).isoformat() for k in ticks[::step]],
-                    rotation=30, ha='right')
-    legend_below(figure, 2)
-    return figure
-
-
 def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -> None:
     """Add an evaluation to a report below its verdict; `part` if it is one of several."""
     level = 3 if part else 2
@@ -122,9 +90,6 @@ def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -
     if evaluation.comparisons:
         report.heading('Comparisons', level)
         _add_comparisons(report, evaluation)
-    if evaluation.trends:
-        report.heading('Day by day', level)
-        _add_trends(report, evaluation)
 
 
 def _add_conditions(report: Report, evaluation: Evaluation) -> None:
@@ -160,40 +125,27 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     shown = shown[:_MOST_COMPARISONS]
     report.table(
         ['measure', 'first condition', 'second condition', 'pairs', 'first mean', 'second mean',
-         'difference', 'p'],
+         'difference', 'without drift', 'p'],
         [[words.heading(c.figure), words.nonbreaking_label(evaluation, c.first),
           words.nonbreaking_label(evaluation, c.second), c.pairs, *(
               words.peak_text(mean, evaluation.stuck(condition) * (c.figure == 'peak_torque'))
               for mean, condition in ((c.mean_first, c.first), (c.mean_second, c.second))),
-          words.with_interval(c.difference), words.p_value_text(c.p_value)] for c in shown],
+          number(c.difference),
+          words.with_interval(c.without_drift) if c.without_drift.half is not None else '–',
+          words.p_value_text(c.p_value)] for c in shown],
         'A pair is a movement under each of the two conditions on the same day, in the same '
         'direction; means are over these.')
     omitted = len(evaluation.comparisons) - len(shown)
     report.text(
         'The comparisons are: each condition with no compensation; the direction announced with '
         'not announced, for the same model; and two models under the same law. '
-        'Repetitions of a person are no independent draws: the difference is that which is left '
-        'beside a steady change over the session, and its 95 % interval allows for neighbouring '
-        "repetitions that are alike. p is of Student's t, with Holm's correction for all "
-        'comparisons of one measure. '
+        'Repetitions of a person are no independent draws: without drift, the difference is that '
+        'which is left beside a steady change over the session, and its 95 % interval allows for '
+        "neighbouring repetitions that are alike. p is of Student's t, with Holm's correction for "
+        f'all comparisons of one measure; of fewer than {FEWEST} repetitions there is neither. '
         + ' '.join(f'Not tested, since {reason}.' for reason in dict.fromkeys(
             c.untested for c in shown if c.untested))
         + (f' {omitted} more are in `report.json`.' if omitted else ''))
-
-
-def _add_trends(report: Report, evaluation: Evaluation) -> None:
-    for figure in dict.fromkeys(trend.figure for trend in evaluation.trends):
-        trends = [trend for trend in evaluation.trends if trend.figure == figure]
-        report.figure(trend_figure(trends, evaluation),
-                      f"{words.heading(figure)}: each day's mean with its 95 % interval. A line is "
-                      'drawn where the trend is significant.')
-        report.table(
-            ['condition', 'days', 'first', 'last', 'change per week', 'p'],
-            [[words.nonbreaking_label(evaluation, t.compensation), len(t.days),
-              words.with_interval(next(iter(t.days.values()))),
-              words.with_interval(list(t.days.values())[-1]), words.with_interval(t.per_week),
-              words.p_value_text(t.p_value)] for t in trends],
-            'The change is the slope of a straight line through the daily means.')
 
 
 def verdicts(evaluations: Sequence[Evaluation]) -> str:

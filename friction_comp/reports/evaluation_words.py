@@ -8,9 +8,8 @@ from dataclasses import replace
 import math
 from typing import NamedTuple
 
-from friction_comp.evaluation.compare import Comparison, Trend
+from friction_comp.evaluation.compare import Comparison, Interval
 from friction_comp.evaluation.conditions import Condition, Evaluation
-from friction_comp.evaluation.neighbours import Interval
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.number_text import number
 
@@ -28,8 +27,9 @@ class _Peaks(NamedTuple):
     def are_told_apart(self) -> bool:
         """Whether the difference is significant, and of the size that was tested."""
         test = self.test
-        return (test is not None and test.significant and test.difference.half is not None
-                and abs(self.difference - test.difference.mean) <= test.difference.half)
+        half = test.without_drift.half if test else None
+        return (test is not None and test.significant and half is not None
+                and abs(self.difference - test.without_drift.mean) <= half)
 
     @property
     def order(self) -> str:
@@ -110,9 +110,8 @@ def summary(evaluation: Evaluation) -> str:
 
 
 def remarks(evaluation: Evaluation) -> str:
-    """Return sentences on trends, movements that failed and false starts."""
-    sentences = [_trend_sentence(trend, evaluation) for trend in evaluation.trends
-                 if trend.significant]
+    """Return sentences on movements that failed and false starts."""
+    sentences = []
     for condition in dict.fromkeys(c.compensation for c in evaluation.conditions):
         if stuck := evaluation.stuck(condition):
             count = sum(r.compensation == condition for r in evaluation.repetitions)
@@ -141,8 +140,8 @@ def verdict(evaluation: Evaluation) -> str:
                 if 'interaction_wrench' in note and note.endswith(': not used')))
             return (('**The back-driving torque is not known.** ' + '; '.join(unused) + '. '
                      if unused else '**The back-driving torque was not measured.** ')
-                    + 'Position, current and reference show when the joint started and how '
-                    'smoothly it moved, but not how much torque the person needed.')
+                    + 'Position, current and reference show when the joint started, but not how '
+                    'much torque the person needed.')
         return ('The effect of announcing the direction is unknown: no movement was recorded both '
                 'with it (d = ±1) and without (d = 0, or no compensation). All comparisons are '
                 'below.')
@@ -164,7 +163,7 @@ def _certainty(peaks: _Peaks) -> str:
     p_value = p_value_text(test.p_value)
     if peaks.are_told_apart:
         return f', a significant difference ({p_value}, {test.pairs} pairs)'
-    difference = test.difference
+    difference = test.without_drift
     if difference.half is not None and abs(difference.mean) > difference.half:
         return (f'; beside a steady change over the session, the difference is '
                 f'{with_interval(difference)} N·m, among all comparisons with {p_value} '
@@ -172,22 +171,11 @@ def _certainty(peaks: _Peaks) -> str:
     return f', which may be chance ({p_value}, {test.pairs} pairs)'
 
 
-def _trend_sentence(trend: Trend, evaluation: Evaluation) -> str:
-    assert trend.per_week is not None
-    name, unit = FIGURES[trend.figure]
-    rises = trend.per_week.mean > 0
-    # Smoothness is the only measure that is better when larger.
-    judgement = 'an improvement' if rises == (trend.figure == 'smoothness') else 'a deterioration'
-    return (f'Over {len(trend.days)} days, {name} with {evaluation.label(trend.compensation)} '
-            f'**{"rises" if rises else "falls"} by {number(abs(trend.per_week.mean))} {unit} '
-            f'a week**, {judgement} ({p_value_text(trend.p_value)}).')
-
-
 def condition_line(condition: Condition) -> str:
     """Return one condition as a line for the terminal."""
     figures = [f'{FIGURES[name][0]} {figure_text(condition, name)} {FIGURES[name][1]}'.strip()
-               for name in ('peak_torque', 'rms_torque', 'residual_current', 'onset',
-                            'smoothness') if name in condition.figures]
+               for name in ('peak_torque', 'rms_torque', 'residual_current', 'onset')
+               if name in condition.figures]
     count = f'{condition.repetitions} repetition{"s" if condition.repetitions > 1 else ""}'
     if condition.stuck:
         count += f', in {condition.stuck} the joint did not move'

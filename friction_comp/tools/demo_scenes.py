@@ -10,7 +10,7 @@ from pathlib import Path
 
 from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.errors import InputError
-from friction_comp.evaluation.sessions import evaluate_recordings
+from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm

@@ -4,44 +4,30 @@
 
 from __future__ import annotations
 
-from functools import partial
-import os
 from pathlib import Path
 
-from friction_comp.parallel import run_each
 from friction_comp.tools.common import Arguments, print_results, progress, write_results
 from friction_comp.tools.refine_arguments import layout_of
-
-# Bytes to read above which processes save more time than their start takes (40 MB are evaluated in
-# a second, a process takes some to start; bench/many_recordings.py): with less two processes are
-# slower than one, with more a core stays idle.
-_MIN_SHARED = 2_000_000_000
 
 
 def main(argv: list[str] | None = None) -> int:
     """Write report.json, report.html and repetitions.csv; returns 0."""
     parser = Arguments('evaluate', __doc__, (
         'examples/elbow --output output/evaluation',
-        'examples/elbow --model config/armin_configuration_2.yaml --jobs 2 --output output/weeks')
-    ).add_recordings().add_output().add_jobs().add_json()
+        'examples/elbow --model config/armin_configuration_2.yaml --output output/weeks')
+    ).add_recordings().add_output().add_json()
     parser.add_argument(
         '--model', metavar='FILE', type=Path,
         help='model file of one joint or of an arm, to show the missing current, also without a '
         'torque sensor')
     arguments = parser.parse(argv)
-    from friction_comp.evaluation.conditions import repetitions_csv
-    from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
-    from friction_comp.recordings.sources import size_of
+    from friction_comp.evaluation.conditions import evaluate_recordings, repetitions_csv
 
     with progress('reading') as report:
-        pieces, failures = pieces_of(arguments.recordings, arguments.joint, layout_of(arguments))
-        shared = sum(size_of(piece.path) for piece in pieces) >= _MIN_SHARED
-        jobs = arguments.jobs or (os.cpu_count() or 1 if shared else 1)
-        evaluations = evaluate_pieces(
-            pieces, failures, arguments.model, progress=lambda share: report(
-                0.95 * share, f'{round(share * len(pieces))} of {len(pieces)}'),
-            run=partial(run_each, jobs=jobs))
-        report(0.95, 'writing')
+        evaluations = evaluate_recordings(
+            arguments.recordings, arguments.joint, layout_of(arguments), arguments.model,
+            lambda share: report(0.9 * share))
+        report(0.9, 'writing')
         from friction_comp.reports.evaluation_report import evaluation_report
         from friction_comp.reports.evaluation_words import condition_line, summary
 
@@ -57,4 +43,3 @@ def main(argv: list[str] | None = None) -> int:
                   summary(evaluation).replace('**', '').replace('`', '')]
     lines += [note for note in evaluations[0].notes if note.startswith('left out: ')]
     return print_results(arguments, content, lines)
-

@@ -19,7 +19,6 @@ from typing import Any
 
 from friction_comp import __version__
 from friction_comp.errors import InputError
-from friction_comp.evaluation.sessions import Piece, pieces_of
 from friction_comp.files import encodable, plain, to_yaml
 from friction_comp.fleet.common_model import CommonModel
 from friction_comp.fleet.population import fleet_json, Population, population_of
@@ -27,6 +26,7 @@ from friction_comp.fleet.spread import FEWEST_UNITS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import attempt, Failure, interrupts_deferred, run_each, Runner
 from friction_comp.recorded_drive.given import Given
+from friction_comp.recorded_drive.pieces import Piece, pieces_of
 from friction_comp.recorded_drive.refine_recordings import refine_recordings, showing_friction
 from friction_comp.recordings.condense import read_condensed
 from friction_comp.refinement.block_sums import BlockSums
@@ -92,7 +92,7 @@ def refine_each(arguments: Namespace) -> int:
     populations: list[Population] = []
     with progress('reading') as show:
         pieces, failures = pieces_of(arguments.recordings, arguments.joint, layout_of(arguments))
-        batch = _Batch(failed=[failure.reason for failure in failures])
+        batch, unread = _Batch(failed=failures), len(failures)
         try:
             with _runner(arguments, len(pieces)) as run:
                 _refine_pieces(arguments, pieces, batch, run, show)
@@ -107,7 +107,7 @@ def refine_each(arguments: Namespace) -> int:
         content = {
             'recordings': [batch.done[index].row for index in sorted(batch.done)],
             'failed': sorted(batch.failed), 'taken_over': batch.earlier,
-            'not_done': len(pieces) + len(failures) - len(batch.done) - len(batch.failed),
+            'not_done': len(pieces) + unread - len(batch.done) - len(batch.failed),
             'out': {population.joint: population.out for population in populations},
             'seconds': time.monotonic() - begin}
         if batch.done:
