@@ -24,8 +24,8 @@ from friction_comp import parallel
 from friction_comp.__main__ import run
 from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.parallel import Failure, run_each
-from friction_comp.recorded_drive.pieces import pieces_of
 from friction_comp.recordings import write_samples
+from friction_comp.recordings.pieces import pieces_of
 from simulated_recordings.drives import excitation_for, random_drive, record
 
 

@@ -39,8 +39,8 @@ from friction_comp.evaluation.repetitions import (
     Repetition,
     torque_figures,
 )
-from friction_comp.recorded_drive.pieces import Piece, pieces_of
 from friction_comp.recordings import read_recording_with_info, RecordingInfo
+from friction_comp.recordings.pieces import Piece, pieces_of
 from friction_comp.recordings.sources import without_topic
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms

@@ -26,9 +26,9 @@ from friction_comp.fleet.spread import FEWEST_UNITS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import attempt, Failure, interrupts_deferred, run_each, Runner
 from friction_comp.recorded_drive.given import Given
-from friction_comp.recorded_drive.pieces import Piece, pieces_of
 from friction_comp.recorded_drive.refine_recordings import refine_recordings, showing_friction
 from friction_comp.recordings.condense import read_condensed
+from friction_comp.recordings.pieces import Piece, pieces_of
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.results import output_folder, to_json
 from friction_comp.tools.common import progress, write_results
