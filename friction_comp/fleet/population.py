@@ -22,14 +22,12 @@ from friction_comp.files import plain
 from friction_comp.fleet.common_model import CommonModel, Compared
 from friction_comp.fleet.spread import FEWEST_UNITS, spread_of, units_from_recordings
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.statistics import CONFIDENCE, holm, student_quantile
+from friction_comp.statistics import student_quantile
 
-FORMAT, VERSION = 'friction_comp_fleet', 1
 # The error of the common model, compared like a parameter: a unit with an effect that no other has
-# shows by it.
-ERROR = 'error of the common model'
+# shows by it. No model is exact: that it describes a unit a little worse than others says nothing.
+ERROR, _LARGER_ERROR = 'error of the common model', 1.5
 
 
 @dataclass(frozen=True)
@@ -60,8 +58,7 @@ class ParameterSpread:
     spread: float
     spread_interval: tuple[float, float]
     range: tuple[float, float]  # of a further unit, 95 %
-    p_same: float  # of such differences if all units were the same, adjusted for all parameters
-    varies: bool
+    varies: bool    # whether the spread can be told from zero
     units: list[UnitValue] = field(default_factory=list)
 
 
@@ -91,20 +88,15 @@ class Population:
                     found.setdefault(value.unit, []).append(parameter.name)
         return dict(sorted(found.items()))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the population as plain values."""
-        return {'joint': self.joint, 'unit': self.unit, 'units': self.units,
-                'recordings': self.recordings, 'out': self.out,
-                'parameters': [asdict(parameter) for parameter in self.parameters],
-                'model': self.model.to_dict()}
-
 
 def fleet_json(populations: Sequence[Population]) -> str:
     """Return the content of fleet.json."""
-    return json.dumps(plain({
-        'format': FORMAT, 'version': VERSION,
-        'joints': [population.to_dict() for population in populations]}, not_finite=None),
-        indent=1, ensure_ascii=False) + '\n'
+    joints = [{**{name: getattr(one, name) for name in ('joint', 'unit', 'units', 'recordings',
+                                                        'out')},
+               'parameters': [asdict(parameter) for parameter in one.parameters],
+               'model': one.model.to_dict()} for one in populations]
+    document: dict[str, Any] = {'format': 'friction_comp_fleet', 'version': 1, 'joints': joints}
+    return json.dumps(plain(document, not_finite=None), indent=1, ensure_ascii=False) + '\n'
 
 
 @dataclass(frozen=True)
@@ -122,22 +114,21 @@ def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
     """Return a recording's coefficients with the covariance of the jackknife."""
     chosen, count = common.columns, len(sums.rows)
     with_derivatives = range(len(sums.signs))
-    values = sums.fit(with_derivatives)
     left_out = sums.fits(with_derivatives, 1.0 - np.eye(count))
     deviations = (left_out - left_out.mean(axis=0))[:, chosen]
-    covariance = (count - 1) / count * deviations.T @ deviations
     # Errors of the fit to all blocks: one block may hold the only slow motion.
     squares = sums.errors_of_fit(with_derivatives) / np.maximum(sums.rows, 1)
     mean = float(np.average(squares, weights=sums.rows))
     spread = float(np.std(squares, ddof=1)) / math.sqrt(count) / max(mean, 1e-300)
     return _Estimate(
-        values=values[chosen], errors=covariance, rms=math.sqrt(mean),
+        values=sums.fit(with_derivatives)[chosen],
+        errors=(count - 1) / count * deviations.T @ deviations, rms=math.sqrt(mean),
         # The logarithm of a root is half of that of the mean square.
         rms_error=0.5 * spread, freedom=count - 1.0)
 
 
 def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonModel,
-                   like: FrictionModel, unit: str, tests: int = 1) -> Population:
+                  like: FrictionModel, unit: str, tests: int = 1) -> Population:
     """Return the population of one joint.
 
     `recordings` are names of units with `CommonModel.sums`, and `unit` is that of their current;
@@ -150,22 +141,27 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
         raise InputError(f'{len(names)} units are too few to compare: at least {FEWEST_UNITS} are '
                          'needed')
     fits = [_estimate(common, sums) for _, sums in recordings]
+    # The error's own error is that of most recordings: a bump that is met in a few blocks makes
+    # these large, and would hide itself behind the scatter of the blocks.
+    rms = np.array([fit.rms for fit in fits])
     compared = [*((one, *_values(fits, common, one.columns)) for one in common.compared()),
-                (Compared(ERROR, 'A', (), True), *_rms_values(fits))]
+                (Compared(ERROR, 'A', (), True),
+                 rms, rms * float(np.median([fit.rms_error for fit in fits])))]
     # Leave out what no recording shows, such as an offset in motion to one side.
     compared = [entry for entry in compared if entry[2].all()]
     parameters = [_parameter(one, unit, values, errors, units_of, fits[0].freedom,
                              tests * len(compared)) for one, values, errors in compared]
-    # No model is exact: that it describes a unit a little worse than others says nothing.
-    most = thresholds.WRITTEN_ERROR * parameters[-1].mean
+    most = _LARGER_ERROR * parameters[-1].mean
     parameters[-1] = replace(parameters[-1], units=[
         replace(value, out=value.out and value.value > most) for value in parameters[-1].units])
-    adjusted = holm([parameter.p_same for parameter in parameters])
-    parameters = [replace(parameter, p_same=float(p), varies=bool(p < 1.0 - CONFIDENCE))
-                  for parameter, p in zip(parameters, adjusted)]
-    out = [any(parameter.units[k].out for parameter in parameters) for k in range(len(names))]
-    model = replace(common.model(_means(fits, index, np.array(out)), like), notes={
-        'units': len(names) - sum(out), 'unit': unit, 'range_of_units': {
+    out = np.array([any(one.units[k].out for one in parameters) for k in range(len(names))])
+    # Where a ripple begins differs from unit to unit: of several columns, any phase will do.
+    means = np.median([fit.values for fit, k in zip(fits, index) if not out[k]], axis=0)
+    for (one, _, _), parameter in zip(compared, parameters):
+        if len(one.columns) == 1:
+            means[common.columns.index(one.columns[0])] = parameter.mean
+    model = replace(common.model(means, like), notes={
+        'units': int(len(names) - out.sum()), 'unit': unit, 'range_of_units': {
             parameter.name: list(parameter.range) for parameter in parameters}})
     return Population(
         joint=like.joint, unit=unit, units=names.tolist(), recordings=len(recordings),
@@ -180,24 +176,11 @@ def _values(fits: Sequence[_Estimate], common: CommonModel, columns: tuple[int, 
     """
     where = [common.columns.index(column) for column in columns]
     part = np.array([fit.values[where] for fit in fits])
-    if len(where) == 1:
-        errors = np.array([fit.errors[where[0], where[0]] for fit in fits])
-        return part[:, 0], np.sqrt(errors)
-    size = np.sqrt(np.sum(part ** 2, axis=1))
-    along = part / np.maximum(size, 1e-300)[:, None]
+    size = part[:, 0] if len(where) == 1 else np.sqrt(np.sum(part ** 2, axis=1))
+    along = part / np.maximum(np.abs(size), 1e-300)[:, None]
     inner = np.ix_(where, where)
     errors = np.array([a @ fit.errors[inner] @ a for a, fit in zip(along, fits)])
     return size, np.sqrt(np.maximum(errors, 0.0))
-
-
-def _rms_values(fits: Sequence[_Estimate]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the error of the common model in each recording, with its standard error.
-
-    The standard error is that of most recordings: a bump that is met in a few blocks makes the
-    error of these blocks large, and would hide itself behind the scatter of the blocks.
-    """
-    rms = np.array([fit.rms for fit in fits])
-    return rms, rms * float(np.median([fit.rms_error for fit in fits]))
 
 
 def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
@@ -215,29 +198,14 @@ def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
         return float(back(middle - half)), float(back(middle + half))
     units = units_from_recordings(values, errors, index, freedom)
     spread = spread_of(units, tests)
-    half = student_quantile(units.freedom) * units.error
-    counts = np.bincount(index)
-    inside = int((~spread.out).sum())
-    mean_half = float(student_quantile(inside - 1)) * spread.mean_error
+    half, counts = student_quantile(units.freedom) * units.error, np.bincount(index)
+    mean_half = float(student_quantile(int((~spread.out).sum()) - 1)) * spread.mean_error
     return ParameterSpread(
         name=one.name, unit=one.unit.replace('A', unit, 1),
         scale='logarithmic' if logarithmic else 'linear',
         mean=float(back(spread.mean)), mean_interval=ends(spread.mean, mean_half),
         spread=spread.deviation, spread_interval=spread.interval,
-        range=ends(spread.mean, spread.half_range(inside)), p_same=spread.p_same, varies=False,
+        range=ends(spread.mean, spread.half_range), varies=spread.interval[0] > 0.0,
         units=[UnitValue(str(name), float(back(units.value[k])), ends(units.value[k], half[k]),
                          float(spread.p_out[k]), bool(spread.out[k]), int(counts[k]))
                for k, name in enumerate(names)])
-
-
-def _means(fits: Sequence[_Estimate], index: np.ndarray, out: np.ndarray) -> np.ndarray:
-    """Return the mean of each coefficient over the units that are not out, shape (P,)."""
-    kept = [k for k in range(len(fits)) if not out[index[k]]]
-    _, own = np.unique(index[kept], return_inverse=True)
-    means = []
-    for column in range(len(fits[0].values)):
-        values = np.array([fits[k].values[column] for k in kept])
-        errors = np.sqrt([fits[k].errors[column, column] for k in kept])
-        means.append(spread_of(units_from_recordings(values, errors, own, fits[0].freedom)).mean
-                     if errors.all() else float(np.median(values)))
-    return np.array(means)

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from scipy import optimize, stats
 
-from friction_comp.statistics import CONFIDENCE, student_quantile
+from friction_comp.statistics import CONFIDENCE, student_quantile, student_tail
 
 # Fewest units that tell something about their spread, and the largest share of them that may be
 # out: with more, they are no exceptions.
 FEWEST_UNITS, _LARGEST_SHARE = 4, 0.25
+_TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -31,26 +31,28 @@ class Values:
     error: np.ndarray  # (N,): of measurement, from recording to recording included
     freedom: np.ndarray  # (N,): degrees of freedom of the error
 
+    @property
+    def variance(self) -> np.ndarray:
+        """Variances of measurement whose inverse is unbiased, (N,)."""
+        return self.error ** 2 * self.freedom / np.maximum(self.freedom - 2.0, 1.0)
+
 
 @dataclass(frozen=True)
 class Spread:
-    """The population of a parameter, without the units that are out.
-
-    All figures are on the scale on which the parameter is compared.
-    """
+    """The population of a parameter, without the units that are out, as it is compared."""
 
     mean: float
     mean_error: float
     deviation: float  # standard deviation between units
     interval: tuple[float, float]  # of the deviation
-    p_same: float  # probability of such differences if all units were the same
-    p_out: np.ndarray  # (N,): of such a value of a unit of the population
+    p_out: np.ndarray  # (N,): probability of such a value of a unit of the population
     out: np.ndarray  # (N,): which units are out
 
-    def half_range(self, count: int) -> float:
-        """Return half the range of a further unit's value, from a population of `count` units."""
-        return float(student_quantile(max(count - 2, 1))) * math.hypot(
-            self.deviation, self.mean_error)
+    @property
+    def half_range(self) -> float:
+        """Half the range in which 95 % of further units lie."""
+        freedom = max(int((~self.out).sum()) - 2, 1)
+        return float(student_quantile(freedom)) * math.hypot(self.deviation, self.mean_error)
 
 
 def units_from_recordings(values: np.ndarray, errors: np.ndarray, unit: np.ndarray,
@@ -77,10 +79,9 @@ def units_from_recordings(values: np.ndarray, errors: np.ndarray, unit: np.ndarr
     own = errors ** 2
     parts = day ** 2 / max(repeated, 1) + own ** 2 / freedom
     share = np.bincount(unit, parts, count) / np.bincount(unit, (day + own) ** 2, count)
-    recordings = np.bincount(unit, minlength=count)
     # The variance of the day is common to all units: more recordings of one tell no more of it.
-    return Values(middle, 1.0 / np.sqrt(weights),
-                  np.where(day > 0.0, 1.0, recordings) / np.maximum(share, 1e-300))
+    recordings = np.ones(count) if day > 0.0 else np.bincount(unit, minlength=count)
+    return Values(middle, 1.0 / np.sqrt(weights), recordings / np.maximum(share, _TINY))
 
 
 def spread_of(units: Values, tests: int = 1) -> Spread:
@@ -90,43 +91,35 @@ def spread_of(units: Values, tests: int = 1) -> Spread:
     2007). The units that are out are found by the generalised extreme Studentised deviate (Rosner
     1983): the most extreme unit is removed again and again, and all that were removed up to the
     last significant one are out, so that several cannot hide each other. With `tests` parameters,
-    5 % is the probability that any unit is called out in any of them although none is. Whether
-    units differ at all is Welch's analysis of variance (1951).
+    5 % is the probability that any unit is called out in any of them although none is.
     """
-    size = len(units.value)
-    inside = np.ones(size, dtype=bool)
-    removed: list[int] = []
-    significant = 0
+    size, every = len(units.value), np.arange(len(units.value))
+    inside, removed, significant = np.ones(size, dtype=bool), [], 0
     for k in range(int(_LARGEST_SHARE * size)):
         mean, _, variance = _population(units, inside)
         index = int(np.argmax(np.where(
-            inside, (units.value - mean) ** 2 / (_variances(units) + variance + 1e-300), -1.0)))
+            inside, (units.value - mean) ** 2 / (units.variance + variance + _TINY), -1.0)))
         inside[index] = False
         removed.append(index)
         if _p_outside(units, inside, index) * (size - k) < (1.0 - CONFIDENCE) / tests:
             significant = k + 1
-    out = np.zeros(size, dtype=bool)
-    out[removed[:significant]] = True
+    out = np.isin(every, removed[:significant])
     mean, mean_error, variance = _population(units, ~out)
-    p_values = np.array([_p_outside(units, ~out & (np.arange(size) != k), k) for k in range(size)])
-    return Spread(
-        mean=mean, mean_error=mean_error, deviation=math.sqrt(variance),
-        interval=_profile(units, ~out), p_same=_p_same(units, ~out), p_out=p_values, out=out)
-
-
-def _variances(units: Values) -> np.ndarray:
-    """Return variances of measurement whose inverse is unbiased."""
-    return units.error ** 2 * units.freedom / np.maximum(units.freedom - 2.0, 1.0)
+    p_values = np.array([_p_outside(units, ~out & (every != k), k) for k in range(size)])
+    return Spread(mean=mean, mean_error=mean_error, deviation=math.sqrt(variance),
+                  interval=_profile(units, ~out), p_out=p_values, out=out)
 
 
 def _root(excess: Callable[[float], float], values: np.ndarray) -> float:
     """Return the variance at which a decreasing function is zero, 0 where it begins below."""
-    high = 4.0 * float(np.var(values)) + 1e-300
+    from scipy.optimize import brentq
+
+    high = 4.0 * float(np.var(values)) + _TINY
     if excess(0.0) <= 0.0:
         return 0.0
     while excess(high) > 0.0:
         high *= 4.0
-    return float(optimize.brentq(excess, 0.0, high, xtol=1e-9 * high))
+    return float(brentq(excess, 0.0, high, xtol=1e-9 * high))
 
 
 def _weighted_squares(value: np.ndarray, variance: np.ndarray) -> float:
@@ -136,22 +129,24 @@ def _weighted_squares(value: np.ndarray, variance: np.ndarray) -> float:
 
 def _population(units: Values, chosen: np.ndarray) -> tuple[float, float, float]:
     """Return mean, its standard error, and variance between units, after Paule and Mandel."""
-    value, own = units.value[chosen], _variances(units)[chosen]
+    value, own = units.value[chosen], units.variance[chosen]
     between = _root(lambda variance: _weighted_squares(value, own + variance) - (len(value) - 1),
                     value)
     weights = 1.0 / (own + between)
-    return (float(weights @ value / weights.sum()), float(weights.sum() ** -0.5), between)
+    return float(weights @ value / weights.sum()), float(weights.sum() ** -0.5), between
 
 
 def _profile(units: Values, chosen: np.ndarray) -> tuple[float, float]:
     """Return the interval of the standard deviation between the chosen units."""
-    value, own = units.value[chosen], _variances(units)[chosen]
+    from scipy.special import chdtri
+
+    value, own = units.value[chosen], units.variance[chosen]
 
     def end(share: float) -> float:
-        limit = float(stats.chi2.ppf(share, len(value) - 1))
+        limit = float(chdtri(len(value) - 1, share))
         return math.sqrt(_root(
             lambda variance: _weighted_squares(value, own + variance) - limit, value))
-    return end(0.5 + 0.5 * CONFIDENCE), end(0.5 - 0.5 * CONFIDENCE)
+    return end(0.5 - 0.5 * CONFIDENCE), end(0.5 + 0.5 * CONFIDENCE)
 
 
 def _p_outside(units: Values, chosen: np.ndarray, index: int) -> float:
@@ -160,19 +155,8 @@ def _p_outside(units: Values, chosen: np.ndarray, index: int) -> float:
     Its degrees of freedom are those of the variance between units plus the unit's own.
     """
     mean, error, between = _population(units, chosen)
-    own = _variances(units)
-    total = own[index] + between + error ** 2 + 1e-300
+    own = units.variance
+    total = own[index] + between + error ** 2 + _TINY
     common = float(np.median(own[chosen]) + between) ** 2 / max(int(chosen.sum()) - 1, 1)
-    freedom = total ** 2 / (common + own[index] ** 2 / units.freedom[index] + 1e-300)
-    return float(2.0 * stats.t.sf(abs(units.value[index] - mean) / math.sqrt(total), freedom))
-
-
-def _p_same(units: Values, chosen: np.ndarray) -> float:
-    """Return the probability of such differences between the chosen units if they were equal."""
-    value, own = units.value[chosen], np.maximum(units.error[chosen] ** 2, 1e-300)
-    count, weights = len(value), 1.0 / own
-    spare = float(np.sum((1.0 - weights / weights.sum()) ** 2 / units.freedom[chosen]))
-    ratio = _weighted_squares(value, own) / (count - 1) / (
-        1.0 + 2.0 * (count - 2) / (count ** 2 - 1) * spare)
-    return float(stats.f.sf(ratio, count - 1, (count ** 2 - 1) / max(3.0 * spare, 1e-300)))
-
+    freedom = total ** 2 / (common + own[index] ** 2 / units.freedom[index] + _TINY)
+    return student_tail((units.value[index] - mean) / math.sqrt(total), freedom)
