@@ -17,6 +17,7 @@ from typing import NoReturn
 
 from friction_comp import __version__
 from friction_comp.errors import InputError, one_line
+from friction_comp.interrupts import end_by_exception, Ended
 from friction_comp.package_files import add_environment_to_ament_path
 from friction_comp.terminal import tolerant_output
 
@@ -76,7 +77,7 @@ def run(name: str, argv: list[str] | None = None) -> int:
     """Run a node or tool with its arguments, by default those of the process.
 
     Returns 0 when it did its work, 1 when ROS 2 is missing, 2 when its input cannot be used (one
-    line on standard error says why), 130 when it was interrupted from the keyboard.
+    line on standard error says why), 128 + N when signal N has ended it.
     """
     argv = sys.argv[1:] if argv is None else argv
     room = 'nodes' if name in NODES else 'tools'
@@ -95,8 +96,8 @@ def run(name: str, argv: list[str] | None = None) -> int:
     if name in NODES and threading.current_thread() is threading.main_thread():
         # Until the node installs its own handlers, there is nothing to clean up.
         signal.signal(signal.SIGINT, _leave)
-    elif signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _interrupt)
+    elif name in TOOLS:
+        end_by_exception()
     with tolerant_output():
         try:
             # Imported only now, so that tools that do not need ROS 2 run without it.
@@ -117,19 +118,14 @@ def run(name: str, argv: list[str] | None = None) -> int:
                   'workspace that contains friction_comp, or use the environment that `make setup` '
                   'creates', file=sys.stderr)
             return 1
+        except Ended as ended:
+            return 128 + ended.number
         except KeyboardInterrupt:
             return 130
 
 
 def _leave(*_: object) -> NoReturn:
     os._exit(130)
-
-
-def _interrupt(*_: object) -> NoReturn:
-    # Half-initialised libraries, such as numba, would print errors during the interpreter's
-    # shutdown.
-    sys.unraisablehook = lambda _: None
-    raise KeyboardInterrupt
 
 
 def main(argv: list[str] | None = None) -> int:

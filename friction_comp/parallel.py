@@ -22,6 +22,7 @@ import threading
 from typing import Any, cast, TypeVar
 
 from friction_comp.errors import InputError, one_line
+from friction_comp.interrupts import interrupts_deferred
 
 F = TypeVar('F', bound=Callable[..., Any])
 T = TypeVar('T')
@@ -110,24 +111,6 @@ def _in_processes(work: Callable[[T], U], items: Sequence[T], jobs: int) -> Outc
                     process = stack.enter_context(child_process())
                 begin_next(process)
                 yield index, outcome
-
-
-@contextmanager
-def interrupts_deferred() -> Iterator[None]:
-    """Defer SIGINT and SIGTERM until the end of the block."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    received = []
-    handlers = {signum: signal.signal(signum, lambda signum, _: received.append(signum))
-                for signum in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for signum, handler in handlers.items():
-            signal.signal(signum, signal.SIG_DFL if handler is None else handler)
-        if received:
-            signal.raise_signal(received[0])
 
 
 @contextmanager

@@ -119,7 +119,7 @@ def test_an_interrupted_demo_leaves_no_process(tmp_path):
         time.sleep(0.1)
     process.terminate()
     output, _ = process.communicate(timeout=60.0)
-    assert process.returncode == 130
+    assert process.returncode == 143
     assert 'Traceback' not in output
     assert alive(folder) == []
 

@@ -174,7 +174,7 @@ def test_a_robots_controller_gets_all_joints_and_time_to_reach_the_first_point()
     assert last.positions[0] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_result_is_not_waited_for_when_its_node_is_gone(monkeypatch):
+def test_a_result_is_not_waited_for_when_its_node_is_gone(monkeypatch, capsys):
     clock = [0.0]
 
     def pass_time(timeout_sec):
@@ -183,11 +183,16 @@ def test_a_result_is_not_waited_for_when_its_node_is_gone(monkeypatch):
     client = tool_client.ToolClient()
     client._executor = SimpleNamespace(spin_once=pass_time)
     # Discovery loses it for a moment, and then it is killed.
-    action = SimpleNamespace(server_is_ready=lambda: clock[0] < 99.0 and not 9.0 < clock[0] < 9.5)
-    handle = SimpleNamespace(get_result_async=Future, cancel_goal_async=lambda: None)
+    accepted = Future()
+    accepted.set_result(SimpleNamespace(accepted=True, get_result_async=Future))
+    action = SimpleNamespace(
+        server_is_ready=lambda: clock[0] < 99.0 and not 9.0 < clock[0] < 9.5,
+        send_goal_async=lambda *_: accepted)
+    cancel = SimpleNamespace(call_async=lambda _: Future())
     with pytest.raises(InputError, match='identification has ended'):
-        client._result(action, handle, 'identification')
-    assert 100.0 < clock[0] < 101.0
+        client._follow(action, cancel, None, None, 'identification')
+    assert 100.0 < clock[0] < 103.0
+    assert 'did not acknowledge' in capsys.readouterr().err
 
 
 def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path):

@@ -8,10 +8,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, ExitStack
 from dataclasses import replace
 import importlib
+import os
+import sys
 import time
 from typing import Any
 
 from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray
 from friction_comp_interfaces.action import IdentifyFriction, PlayTrajectory, RefineModel
 import numpy as np
@@ -26,12 +29,15 @@ from std_msgs.msg import Int8MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from friction_comp.errors import InputError
+from friction_comp.interrupts import interrupts_deferred, stopping_ends
 from friction_comp.ros.ros_start import own_node
 from friction_comp.trajectory import Trajectory
 
-# Time after which an unanswered request is sent again, to send a cancellation, and without its
-# server, after which an action has no result any more, s.
-_ANSWER_TIME, _CANCEL_TIME, _GONE_TIME = 5.0, 0.5, 1.0
+# s: until an unanswered request is sent again, or a refused goal and a cancellation; in which a
+# cancellation must be acknowledged; without its server, until an action has no result any more; and
+# the longest goal.
+_ANSWER_TIME, _AGAIN, _CANCEL_TIME, _GONE_TIME, _LONGEST_GOAL = 5.0, 0.2, 2.0, 1.0, 3600.0
+_LOOK = 0.05    # longest time in s until a signal is heard
 _MAX_PARAMETERS = 500
 # Shortest duration of the approach to the first point, s, and its speed relative to the trajectory.
 _MIN_APPROACH_TIME, _APPROACH_SPEED = 2.0, 0.3
@@ -48,6 +54,13 @@ def message_of(trajectory: Trajectory, later: float = 0.0) -> Any:
             accelerations=acceleration.tolist(),
             time_from_start=Duration(seconds=sec, nanoseconds=nanosec).to_msg()))
     return message
+
+
+def _cancellation() -> CancelGoal.Request:
+    """Return the cancellation of a new goal, with its random number."""
+    request = CancelGoal.Request()
+    request.goal_info.goal_id.uuid = list(os.urandom(16))
+    return request
 
 
 class ToolClient:
@@ -75,7 +88,8 @@ class ToolClient:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._stack.close()
+        with interrupts_deferred():
+            self._stack.close()
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
@@ -92,12 +106,17 @@ class ToolClient:
         """Discard a node's diagnostics so far."""
         self._status.pop(node, None)
 
+    def _spin(self, seconds: float) -> None:
+        # An exception amid compiled code of the middleware may end the process.
+        with interrupts_deferred():
+            self._executor.spin_once(timeout_sec=min(seconds, _LOOK))
+
     def wait(self, seconds: float) -> None:
         """Process messages for a while."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._check()
-            self._executor.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
+            self._spin(max(0.0, end - time.monotonic()))
 
     def wait_until(self, condition: Callable[[], object], what: str,
                    patience: float | None = None) -> None:
@@ -108,7 +127,7 @@ class ToolClient:
             if time.monotonic() > end:
                 raise InputError(f'{what}: nothing within {patience:g} s')
             self._check()
-            self._executor.spin_once(timeout_sec=0.05)
+            self._spin(_LOOK)
 
     def wait_until_connected(self, topic: str, publishers: int, subscriptions: int) -> None:
         """Wait until a topic has at least these numbers of publishers and subscriptions."""
@@ -157,20 +176,19 @@ class ToolClient:
 
     def identify(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
         """Send a goal, by its fields, and return its result; `report` gets each feedback."""
-        return self.send_goal(
-            IdentifyFriction, 'identify_friction', IdentifyFriction.Goal(**goal),
-            IdentifyFriction.Goal(joint='nobody'), report, 'identification')
+        return self.send_goal(IdentifyFriction, 'identify_friction',
+                              IdentifyFriction.Goal(**goal), report, 'identification')
 
     def refine(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
         """Send a goal to the refinement node and return its result, as `identify` does."""
-        return self.send_goal(RefineModel, 'refine_model', RefineModel.Goal(**goal),
-                              RefineModel.Goal(joint='nobody'), report, 'refinement')
+        return self.send_goal(
+            RefineModel, 'refine_model', RefineModel.Goal(**goal), report, 'refinement')
 
     def play(self, trajectory: Trajectory, report: Callable[[float, str], None]) -> None:
         """Move a joint by the node `identification`; `report` gets progress 0..1 and the phase."""
         self.send_goal(
             PlayTrajectory, 'play_trajectory',
-            PlayTrajectory.Goal(trajectory=message_of(trajectory)), PlayTrajectory.Goal(),
+            PlayTrajectory.Goal(trajectory=message_of(trajectory)),
             lambda feedback: report(feedback.progress, feedback.phase), 'identification')
 
     def play_on(self, controller: str, trajectory: Trajectory,
@@ -192,11 +210,9 @@ class ToolClient:
         def report_feedback(feedback: Any) -> None:
             at = feedback.desired.time_from_start
             report((at.sec + 1e-9 * at.nanosec) / end, 'trajectory')
-        # A trajectory of unknown joints is always refused.
-        probe = kind.Goal(trajectory=JointTrajectory(joint_names=['nobody']))
-        self.send_goal(kind, f'{controller}/follow_joint_trajectory',
-                       kind.Goal(trajectory=message_of(trajectory, later)), probe,
-                       report_feedback, controller)
+        self.send_goal(
+            kind, f'{controller}/follow_joint_trajectory',
+            kind.Goal(trajectory=message_of(trajectory, later)), report_feedback, controller)
 
     def _positions(self, joints: tuple[str, ...]) -> np.ndarray:
         """Return the positions of the joints, rad."""
@@ -209,59 +225,81 @@ class ToolClient:
                 lambda: set(joints) <= set(positions), f'joint_states of {", ".join(joints)}')
         return np.array([positions[joint] for joint in joints])
 
-    def send_goal(self, kind: Any, name: str, goal: Any, probe: Any,
-                  report: Callable[[Any], None], what: str) -> Any:
+    def send_goal(self, kind: Any, name: str, goal: Any, report: Callable[[Any], None],
+                  what: str) -> Any:
         """Send a goal to node `what` until it is accepted, and return its result.
 
-        `probe` is a goal that is always refused. It is sent first: its answer shows that the
-        connection works in both directions. If waiting is interrupted, the goal is cancelled.
+        A node without joint states refuses it. Whatever ends the waiting before the result, the
+        goal is cancelled.
         """
         action = ActionClient(self.node, kind, name)
+        cancel = self.node.create_client(CancelGoal, f'{name}/_action/cancel_goal')
         try:
-            self.wait_until(action.server_is_ready, f'the action of {what}')
-            self._request(lambda: action.send_goal_async(probe), 'an answer to the goal')
-            outcome = self._result(action, self._send(action, goal, report, what), what)
+            self.wait_until(lambda: action.server_is_ready() and cancel.service_is_ready(),
+                            f'the action of {what}')
+            # An answer could be lost before the server knows of who waits for it. It hears of the
+            # client for cancellations last: what answers that nobody knows a goal answers goals.
+            self._request(lambda: cancel.call_async(_cancellation()), f'an answer of {what}')
+            end, outcome = time.monotonic() + self._patience, None
+            while outcome is None:
+                with stopping_ends():
+                    outcome = self._follow(action, cancel, goal, report, what)
+                if outcome is None and time.monotonic() > end:
+                    reason = self.value(what, 'last refusal')
+                    raise InputError(f'{what} refuses the goal' + (f': {reason}' if reason else ''))
         finally:
-            action.destroy()
+            with interrupts_deferred():
+                action.destroy()
+                self.node.destroy_client(cancel)
         if outcome.status != GoalStatus.STATUS_SUCCEEDED:
             result = outcome.result
             text = getattr(result, 'message', '') or getattr(result, 'error_string', '')
             raise InputError(f'{what} failed: {text}')
         return outcome.result
 
-    def _send(self, action: Any, goal: Any, report: Callable[[Any], None], what: str) -> Any:
-        """Send a goal until it is accepted: a node without joint states refuses it."""
-        end = time.monotonic() + self._patience
-        while time.monotonic() < end:
-            future = action.send_goal_async(goal, lambda feedback: report(feedback.feedback))
-            self.wait_until(future.done, 'an answer to the goal')
-            if future.result().accepted:
-                return future.result()
-            self.wait(0.2)
-        reason = self.value(what, 'last refusal')
-        raise InputError(f'{what} refuses the goal' + (f': {reason}' if reason else ''))
-
-    def _result(self, action: Any, handle: Any, what: str) -> Any:
+    def _follow(self, action: Any, cancel: Any, goal: Any, report: Callable[[Any], None],
+                what: str) -> Any:
+        """Return the outcome of a goal; None if it was refused."""
+        request = _cancellation()
+        accepted = action.send_goal_async(
+            goal, lambda feedback: report(feedback.feedback), request.goal_info.goal_id)
         ready_at = time.monotonic()
 
         def is_done() -> Any:
             nonlocal ready_at
             if action.server_is_ready():
                 ready_at = time.monotonic()
-            elif time.monotonic() - ready_at > _GONE_TIME and not future.done():
+            elif time.monotonic() - ready_at > _GONE_TIME and not result.done():
                 raise InputError(f'{what} has ended')
-            return future.done()
+            return result.done()
         try:
-            future = handle.get_result_async()
-            self.wait_until(is_done, f'the result of {what}', 3600.0)
+            self.wait_until(accepted.done, f'an answer of {what} to the goal')
+            if not accepted.result().accepted:
+                self.wait(_AGAIN)
+                return None
+            result = accepted.result().get_result_async()
+            self.wait_until(is_done, f'the result of {what}', _LONGEST_GOAL)
         except BaseException:
-            # Not every server notices that its client is gone.
-            handle.cancel_goal_async()
-            end = time.monotonic() + _CANCEL_TIME
-            while time.monotonic() < end:
-                self._executor.spin_once(timeout_sec=0.05)
+            self._cancel(cancel, request, accepted, what)
             raise
-        return future.result()
+        return result.result()
+
+    def _cancel(self, cancel: Any, request: Any, accepted: Any, what: str) -> None:
+        """Cancel a goal; say so on standard error if nobody acknowledges it."""
+        if accepted.done() and not accepted.result().accepted:
+            return
+        end = time.monotonic() + _CANCEL_TIME
+        with interrupts_deferred():
+            while time.monotonic() < end:
+                answer, again = cancel.call_async(request), time.monotonic() + _AGAIN
+                while time.monotonic() < again:
+                    self._spin(_LOOK)
+                    # Otherwise the goal may still be on its way.
+                    if answer.done() and (answer.result().goals_canceling or answer.result(
+                            ).return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED):
+                        return
+        print(f'{what} did not acknowledge that its goal is cancelled: make sure that nothing '
+              'moves', file=sys.stderr)
 
     def _request(self, send: Callable[[], Any], what: str) -> Any:
         """Return the answer to a request, repeated since replies before discovery are lost."""

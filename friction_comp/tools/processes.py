@@ -17,7 +17,7 @@ import time
 from typing import Any
 
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.parallel import interrupts_deferred
+from friction_comp.interrupts import interrupts_deferred
 
 SAMPLE_TIME = 4e-3
 """Of simulated joints, s: a quarter of the rate of a real driver, for a quarter of the time."""
@@ -71,7 +71,7 @@ def only_user(folder: Path) -> Iterator[None]:
 class Nodes:
     """Runs nodes of this package as processes, with log files, in a ``with`` block.
 
-    They end with it, also if the tool is interrupted or asked to end.
+    They end with it, however it ends.
     """
 
     def __init__(self, logs: Path) -> None:
@@ -79,14 +79,11 @@ class Nodes:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Nodes:
-        self._previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
         return self
 
     def __exit__(self, *_: object) -> None:
-        try:
+        with interrupts_deferred():
             self.stop(*self._running)
-        finally:
-            signal.signal(signal.SIGTERM, self._previous)
 
     def start(self, name: str, parameters: Mapping[str, Any],
               remappings: Mapping[str, str] | None = None) -> None:

@@ -23,8 +23,9 @@ from friction_comp.files import encodable, plain, to_yaml
 from friction_comp.fleet.common_model import CommonModel
 from friction_comp.fleet.population import fleet_json, Population, population_of
 from friction_comp.fleet.spread import FEWEST_UNITS
+from friction_comp.interrupts import interrupts_deferred
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.parallel import attempt, Failure, interrupts_deferred, run_each, Runner
+from friction_comp.parallel import attempt, Failure, run_each, Runner
 from friction_comp.recorded_drive.given import Given
 from friction_comp.recorded_drive.refine_recordings import refine_recordings, showing_friction
 from friction_comp.recordings.condense import read_condensed
