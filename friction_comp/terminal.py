@@ -25,13 +25,18 @@ class _TolerantStream:
             return int(self._stream.write(text))
         except BrokenPipeError:
             self._discard_output()
-            return len(text)
+        except BlockingIOError:
+            # That of a node, which does not wait for its reader.
+            pass
+        return len(text)
 
     def flush(self) -> None:
         try:
             self._stream.flush()
         except BrokenPipeError:
             self._discard_output()
+        except BlockingIOError:
+            pass
 
     def _discard_output(self) -> None:
         # Redirect the file descriptor: Python's buffers are flushed again when the process ends.

@@ -18,7 +18,7 @@ import threading
 from rclpy.type_support import check_for_type_support
 from rosbags.typesys import get_typestore, Stores
 
-from friction_comp.__main__ import run
+from friction_comp.__main__ import NODES, run
 import friction_comp.nodes.compensator
 from friction_comp.nodes.compile_nodes import compile_nodes
 import friction_comp.nodes.direction
@@ -57,6 +57,8 @@ def become(name, arguments, folder, output, environment, period, whole):
         for end in ends:
             os.dup2(opened, end)
         os.close(opened)
+    # Those of the host may be able to do what the new ones cannot, such as to seek.
+    sys.stdout, sys.stderr = (open(end, 'w', buffering=1, closefd=False) for end in (1, 2))
     signal.signal(signal.SIGINT, signal.default_int_handler)
     status = run(name, arguments)
     if whole:
@@ -83,7 +85,7 @@ def main():
             name, answer = request[0], os.fork()
             if not answer:
                 # The first one of each kind.
-                become(*request, whole=name not in known)
+                become(*request, whole=name in NODES and name not in known)
             known.add(name)
         else:
             # It has ended.

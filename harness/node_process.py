@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 
+from friction_comp.__main__ import NODES
 from friction_comp.tools import processes
 from friction_comp.tools.processes import ros_arguments
 
@@ -128,18 +129,20 @@ def shorten_scenes(monkeypatch, folder):
 class Process:
     """A node in a separate process, which the ``with`` block ends.
 
-    It reports on /diagnostics every `period` s. With `fresh`, it is a new interpreter, as started
-    from a command line, instead of a fork, and reports once a second.
+    What it prints goes to the file or pipe `error`. It reports on /diagnostics every `period` s.
+    With `fresh`, it is a new interpreter, as started from a command line, instead of a fork, and
+    reports once a second.
     """
 
     def __init__(self, folder, name, parameters=None, remappings=None, arguments=(), fresh=False,
-                 period=OFTEN):
+                 period=OFTEN, error=None):
         self.name = name
         folder.mkdir(exist_ok=True, parents=True)
         number = len(list(folder.iterdir()))
-        self._error = folder / f'{number}_{name}.err'
+        self._error = error or folder / f'{number}_{name}.err'
         self._error.touch()
-        arguments = [*arguments, *ros_arguments(parameters or {}, remappings)]
+        if name in NODES or parameters or remappings:
+            arguments = [*arguments, *ros_arguments(parameters or {}, remappings)]
         env = environment(ROS_LOG_DIR=str(folder / 'log'))
         if fresh:
             with self._error.open('w') as error:

@@ -22,12 +22,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.ros.joint_io import UNASKED
+from friction_comp.ros.ros_start import start_ros
 from friction_comp.tools.ros_domain import leased_domain
 
 CONFIG = ROOT / 'config'
@@ -37,7 +37,7 @@ JOINTS = ['elbow', 'shoulder']
 START = {'joints': JOINTS, 'model_files': MODELS[:2], 'joint_state_timeout': 10.0,
          'direction_timeout': 60.0, 'law': 'paper', 'input_reliability': 'reliable'}
 # What tests change of it while it runs; what `START` leaves out begins at the node's default.
-CHANGED = {'breakaway_gain': 0.9, 'current_limit': 1000.0,
+CHANGED = {'breakaway_gain': 0.9, 'current_limit': 1000.0, 'accept_record_again': False,
            **{name: START[name] for name in ('law', 'direction_timeout', 'model_files')}}
 ZERO = [0.0, 0.0]
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -146,16 +146,20 @@ class Probe(Node):
     def get_parameter_of(self, node, name):
         return self.get_parameters_of(node, [name])[0]
 
-    def transition(self, node, label):
+    def begin_transition(self, node, label):
+        """Ask a node for a transition, once; return the future of its answer."""
         name = f'/{node}/change_state'
 
         def ask(what):
             request = ChangeState.Request()
             request.transition.label = what
             return self._client(ChangeState, name).call_async(request)
-        # A transition happens once. What is refused shows first that answers arrive.
+        # What is refused shows first that answers arrive.
         self.answered(lambda: ask('nothing'), f'answer of {name}')
-        return self.complete(ask(label), f'answer of {name}').success
+        return ask(label)
+
+    def transition(self, node, label):
+        return self.complete(self.begin_transition(node, label), f'{label} {node}').success
 
     def state_of(self, node):
         return self.call(GetState, f'/{node}/get_state', GetState.Request()).current_state.label
@@ -193,7 +197,7 @@ class Probe(Node):
 @contextmanager
 def probe_node(use_sim_time=False):
     context = Context()
-    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    start_ros('probe', (), context)
     node = Probe(context, use_sim_time)
     try:
         yield node

@@ -116,6 +116,8 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
                 'recorder', lambda status: value_of(status, 'joint_states') == str(count))
             recorder.send()
             assert recorder.wait() == 0
+            # A second subscription hears whom the first does not.
+            assert 'incompatible' not in recorder.text
     (samples, info), = read_recording_with_info(folder)
     np.testing.assert_array_equal(samples.current, np.arange(float(count)))
     assert (samples.direction == 1).all()
@@ -340,7 +342,7 @@ class FakeNode:
     def resolve_topic_name(self, topic):
         return f'/{topic}'
 
-    def create_subscription(self, kind, topic, callback, profile, raw):
+    def create_subscription(self, kind, topic, callback, profile, raw, event_callbacks):
         self.made[profile.durability] = FakeSubscription(callback)
         return self.made[profile.durability]
 

@@ -348,7 +348,7 @@ class IdentificationNode(Node):
         self._end('aborted', 'the node was stopped')
         # A goal that starts while the node ends must not move its joint.
         self.stop_motor()
-        self._port.wait()
+        self._port.close()
         self._watchdog.close()
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -117,7 +118,9 @@ class RecordedTopic:
             self._drain(self._subscriptions[offer])
         self._subscriptions[offer] = self._node.create_subscription(
             self._kind, self._topic, take, QoSProfile(
-                depth=DEPTH, reliability=offer[0], durability=offer[1]), raw=True)
+                depth=DEPTH, reliability=offer[0], durability=offer[1]), raw=True,
+            # It would warn that it receives nothing from some, whom another one receives.
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
 
     @property
     def publisher_count(self) -> int:

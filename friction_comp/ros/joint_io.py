@@ -24,6 +24,9 @@ from friction_comp.topics import TORQUE_UNIT
 # Deep enough for a reader that pauses for seconds.
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+# For a reader that pauses for a second at a kilohertz. What one that is stopped did not take is
+# thrown away when it counts as gone, while no command can be published: half a second for 10,000.
+_COMMANDS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 
 # A repeated state means that its answer was lost only if it was sent this long after the answer,
 # ns; otherwise both were under way at the same time.
@@ -36,8 +39,9 @@ UNASKED = 'unasked'
 JOINT = 'joint'
 # Command interface to the unit in the label of a command.
 UNIT_OF = {'current': 'A', 'effort': TORQUE_UNIT}
-# Longest wait for the acknowledgement of messages before their publisher is destroyed, s.
-_ACKNOWLEDGEMENT_TIME = 0.2
+# Real s that a stopped reader may take to acknowledge the last zero, before its publisher is
+# destroyed, and between looks; a wait in the middleware would hold Python's interpreter lock.
+_ACKNOWLEDGEMENT_TIME, _LOOK = 2.0, 0.005
 # Real s that the watchdog waits for a blocked publication before it publishes zero.
 _LOCK_TIMEOUT = 0.005
 
@@ -135,15 +139,21 @@ class CommandPort:
 
     def open(self) -> None:
         """Create the publisher."""
-        self._publisher = self._node.create_publisher(Float64MultiArray, self._topic, RELIABLE)
+        self._publisher = self._node.create_publisher(Float64MultiArray, self._topic, _COMMANDS)
         self._opened, self._discovered = time.monotonic(), False
         self.last, self._answered = [0.0] * len(self.limits), 0
 
     def close(self) -> None:
-        """Destroy the publisher after its readers have received everything, or a timeout."""
+        """Destroy the publisher when its readers have acknowledged everything, zero at last.
+
+        Some of them may be stopped: after two seconds the log says that they have not.
+        """
         if self._publisher is None:
             return
-        self.wait()
+        if not self._acknowledged():
+            self._node.get_logger().error(
+                'the last command, zero, was not acknowledged within '
+                f'{_ACKNOWLEDGEMENT_TIME:g} s: make sure that the motor has no current')
         with self._lock:
             publisher, self._publisher = self._publisher, None
         self._node.destroy_publisher(publisher)
@@ -227,11 +237,16 @@ class CommandPort:
             names.remove(own_name)
         return names
 
-    def wait(self) -> None:
-        """Wait for a moment, in which a lost message may be sent again."""
-        # Acknowledgements come with the middleware's heartbeat, by default only after seconds.
-        if self._publisher is not None and self._node.context.ok():
-            self._publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGEMENT_TIME))
+    def _acknowledged(self) -> bool:
+        """Wait until all readers have what was published, or a timeout; return whether."""
+        end = time.monotonic() + _ACKNOWLEDGEMENT_TIME
+        while self._node.context.ok():
+            if self._publisher.wait_for_all_acked(Duration()):
+                return True
+            if time.monotonic() > end:
+                return False
+            time.sleep(_LOOK)
+        return False
 
     @property
     def listeners(self) -> int:

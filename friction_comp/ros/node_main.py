@@ -23,23 +23,15 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.utilities import remove_ros_args
 
 from friction_comp.errors import InputError
+from friction_comp.interrupts import ENDING, STOPPING
 from friction_comp.monitoring.network import alone
 from friction_comp.ros.executor import StreamExecutor
 from friction_comp.ros.misspelt import unknown_parameters, unknown_remappings
+from friction_comp.ros.output import dropping_output
 from friction_comp.ros.ros_start import start_ros, steady_timer, without_source_locations
 
 # Spins after leaving, and real s of them if a goal ended by it: its client may ask only now.
 _FINAL_SPINS, _FAREWELL = 10, 0.3
-# Signals that stop a process until SIGCONT.
-_STOPPING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
-# Signals that do not end a process of Python, and those that cannot be caught: after the handler of
-# a crash, the instruction that crashed is repeated.
-_HARMLESS = {'SIGCHLD', 'SIGCONT', 'SIGURG', 'SIGWINCH', 'SIGPIPE', 'SIGXFSZ',
-             *(number.name for number in _STOPPING)}
-_FATAL = {'SIGKILL', 'SIGSTOP', 'SIGSEGV', 'SIGBUS', 'SIGFPE', 'SIGILL'}
-# Most real-time signals have no name.
-SIGNALS = sorted(number for number in signal.valid_signals()
-                 if getattr(number, 'name', '') not in _HARMLESS | _FATAL)
 # Switch interval of threads, s: loading a model must not delay the control loop.
 _SWITCH_INTERVAL = 5e-4
 # Real s without another node after which a warning is logged; discovery takes seconds at most.
@@ -49,7 +41,7 @@ PATIENCE = 10.0
 def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
     """Start a node, spin it until it is done or stopped, and shut it down in order.
 
-    Return 0 if it ended by itself or by one of SIGNALS, 1 after an exception; raise InputError if
+    Return 0 if it ended by itself or by a signal, 1 after an exception; raise InputError if
     an argument, parameter or file cannot be used.
 
     Signals are not handled by rclpy, which would shut the context down at once, so that zero
@@ -70,36 +62,41 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
     if unknown:
         raise InputError(f'unrecognized arguments: {" ".join(unknown)} (parameters and remappings '
                          'come after --ros-args)')
-    start_ros(name, argv)
-    try:
+    with dropping_output(name):
+        start_ros(name, argv)
         try:
-            node = make_node()
-        except _rclpy.RCLError as error:
-            # For instance missing keys, or a middleware without security.
-            raise InputError(without_source_locations(error)) from None
-        stop_motor = getattr(node, 'stop_motor', _do_nothing)
-        signals.set_callback(stop_motor)
-        for text in [*unknown_parameters(node), *unknown_remappings(node, argv)]:
-            node.get_logger().warning(text)
-        _look_for_peers(node)
-        executor = StreamExecutor(node)
-        # The first line that rclpy logs looks for its caller through all modules, for 50 ms.
-        inspect.getframeinfo(inspect.currentframe())    # type: ignore[arg-type]
-        # Exclude long-lived objects from garbage collection between samples.
-        gc.collect()
-        gc.freeze()
-        try:
-            return _spin(executor, node, signals)
+            return _run(make_node, argv, signals)
         finally:
-            # First, so that zero is the last command also if leaving fails.
-            stop_motor()
-            getattr(node, 'leave', _do_nothing)()
-            _say_farewell(executor)
-            # Its wait sets hold the node's entities, and must not outlive the context.
-            executor.shutdown(0.0)
-            _destroy(node)
+            rclpy.try_shutdown()
+
+
+def _run(make_node: Callable[[], Any], argv: Sequence[str], signals: _Signals) -> int:
+    try:
+        node = make_node()
+    except _rclpy.RCLError as error:
+        # For instance missing keys, or a middleware without security.
+        raise InputError(without_source_locations(error)) from None
+    stop_motor = getattr(node, 'stop_motor', _do_nothing)
+    signals.set_callback(stop_motor)
+    for text in [*unknown_parameters(node), *unknown_remappings(node, argv)]:
+        node.get_logger().warning(text)
+    _look_for_peers(node)
+    executor = StreamExecutor(node)
+    # The first line that rclpy logs looks for its caller through all modules, for 50 ms.
+    inspect.getframeinfo(inspect.currentframe())    # type: ignore[arg-type]
+    # Exclude long-lived objects from garbage collection between samples.
+    gc.collect()
+    gc.freeze()
+    try:
+        return _spin(executor, node, signals)
     finally:
-        rclpy.try_shutdown()
+        # First, so that zero is the last command also if leaving fails.
+        stop_motor()
+        getattr(node, 'leave', _do_nothing)()
+        _say_farewell(executor)
+        # Its wait sets hold the node's entities, and must not outlive the context.
+        executor.shutdown(0.0)
+        _destroy(node)
 
 
 def _say_farewell(executor: StreamExecutor) -> None:
@@ -161,9 +158,9 @@ class _Signals:
         self.continued = False
         self._callback: Callable[[], None] = _do_nothing
         self._arrived = self._stopped = False
-        for signum in SIGNALS:
+        for signum in ENDING:
             signal.signal(signum, lambda signum, _: self.caught.append(signum))
-        for signum in _STOPPING:
+        for signum in STOPPING:
             # Otherwise the process would stop at once; `_listen` stops it.
             signal.signal(signum, lambda *_: None)
         signal.signal(signal.SIGCONT, self._continue)
@@ -189,7 +186,7 @@ class _Signals:
     def _listen(self, end: Any) -> None:
         while True:
             arrived = set(os.read(end, 16))
-            ends, stops = arrived & set(SIGNALS), arrived & set(_STOPPING)
+            ends, stops = arrived & set(ENDING), arrived & set(STOPPING)
             self._arrived = self._arrived or bool(ends)
             if ends or stops:
                 self._callback()

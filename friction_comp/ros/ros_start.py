@@ -19,22 +19,35 @@ from rclpy.signals import SignalHandlerOptions
 from friction_comp.errors import InputError
 from friction_comp.package_files import package_file
 
+_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+
 
 def start_ros(name: str, arguments: Sequence[str], context: Context | None = None) -> None:
     """Initialise ROS 2, by default its global context, without its signal handlers."""
-    # With Fast DDS, what was lost is repeated within a tenth of a second instead of three.
-    os.environ.setdefault(
-        'FASTRTPS_DEFAULT_PROFILES_FILE', str(package_file('config', 'quick_repeats.xml')))
+    with _quick_middleware():
+        try:
+            # The log file is written without waiting for it: see `dropping_output`.
+            rclpy.init(args=[name, *arguments, '--ros-args', '--disable-external-lib-logs'],
+                       context=context, signal_handler_options=SignalHandlerOptions.NO)
+        except Exception as error:
+            # The errors have no common base class.
+            raise InputError(f'ROS arguments: {without_source_locations(error)}') from None
+
+
+@contextmanager
+def _quick_middleware() -> Iterator[None]:
+    """Start Fast DDS with the settings of this package, unless there are others."""
+    local = os.environ.get(_RANGE) == 'LOCALHOST' and not os.environ.get('ROS_STATIC_PEERS')
+    own = str(package_file('config', 'fast_dds_localhost.xml' if local else 'fast_dds.xml'))
+    if os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', own) != own or not local:
+        yield
+        return
+    # Otherwise ROS 2 would add shared memory.
+    os.environ[_RANGE] = 'SYSTEM_DEFAULT'
     try:
-        rclpy.init(args=[name, *arguments], context=context,
-                   signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:
-        # The errors have no common base class.
-        text = without_source_locations(error)
-        if 'log' in text and 'directory' in text:
-            raise InputError(f'ROS 2 cannot write its log: {text}. Set the environment variable '
-                             'ROS_LOG_DIR to a folder that can be written') from None
-        raise InputError(f'ROS arguments: {text}') from None
+        yield
+    finally:
+        os.environ[_RANGE] = 'LOCALHOST'
 
 
 @contextmanager

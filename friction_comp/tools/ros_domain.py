@@ -12,7 +12,6 @@ import random
 import socket
 
 from friction_comp.errors import InputError
-from friction_comp.package_files import package_file
 
 # Domain IDs that ROS 2 calls safe on all systems: their ports are below the ephemeral ports.
 _DOMAINS = range(1, 102)
@@ -54,9 +53,6 @@ def private_domain() -> Iterator[None]:
     before = {name: os.environ.get(name) for name in _OF_DOMAIN}
     with leased_domain() as domain:
         os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-        # Nodes then discover each other in half a second instead of three.
-        os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
-                              str(package_file('config', 'quick_discovery.xml')))
         try:
             yield
         finally:
