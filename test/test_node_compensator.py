@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compensator over DDS, with joint states from the test."""
 
+from dataclasses import replace
 import math
 import time
 
@@ -255,6 +256,36 @@ def test_a_model_in_another_unit_is_refused_while_the_motor_is_driven(driver, tm
             'compensator', 'model_files', [str(tmp_path / 'elbow.yaml'), MODELS[1]])
         assert word in why
     assert driver.ask(ZERO, ZERO) == before
+
+
+@pytest.mark.parametrize('notes', [
+    {'verdict': 'trust in part', 'reasons': ['The weight is not carried.'], 'warnings': ['old']},
+    {'warnings': ['The weight is not carried.']}])
+def test_what_a_file_says_against_its_model_is_told(driver, tmp_path, notes):
+    replace(FrictionModel.load(MODELS[0]), notes=notes).save(tmp_path / 'elbow.yaml')
+    probe = driver.probe
+    assert probe.set_parameter(
+        'compensator', 'model_files', [str(tmp_path / 'elbow.yaml'), MODELS[1]]) is None
+    driver.ask(ZERO, ZERO)
+    status = probe.status_of('compensator', lambda status: (
+        status.level == b'\x01' and 'elbow: ' in status.message
+        and ': The weight is not carried' in status.message))
+    assert 'The weight is not carried' in value_of(status, 'said of the models')
+    assert 'old' not in value_of(status, 'said of the models')
+    probe.until(lambda: 'The weight is not carried' in driver.process.text, 'a line in the log')
+
+
+def test_a_model_to_be_recorded_again_is_taken_only_if_asked_for(driver, tmp_path):
+    replace(FrictionModel.load(MODELS[0]), notes={
+        'verdict': 'record again', 'reasons': ['Too short.']}).save(tmp_path / 'elbow.yaml')
+    files = [str(tmp_path / 'elbow.yaml'), MODELS[1]]
+    probe, before = driver.probe, driver.ask(ZERO, ZERO)
+    assert 'Too short' in probe.set_parameter('compensator', 'model_files', files)
+    assert driver.ask(ZERO, ZERO) == before
+    assert probe.set_parameter('compensator', 'accept_record_again', True) is None
+    assert probe.set_parameter('compensator', 'model_files', files) is None
+    assert probe.status_of('compensator', lambda status: (
+        status.level == b'\x01' and 'Too short' in status.message))
 
 
 def test_a_weight_beyond_the_limit_is_said_before_and_while_it_is_not_supported(driver, tmp_path):

@@ -181,9 +181,9 @@ def test_models_of_several_requests_are_loaded_in_threads_of_their_own(monkeypat
     with in_this_process(CompensatorNode) as node:
         threads, load = [], node._load
 
-        def noted(files):
+        def noted(files, **options):
             threads.append(threading.current_thread())
-            return load(files)
+            return load(files, **options)
         monkeypatch.setattr(node, '_load', noted)
         answers = [SetParameters.Response() for _ in range(3)]
         # The last two ask for the same model.

@@ -192,17 +192,20 @@ class CompensationLoop:
                 WARN)
 
     def unusual(self) -> list[str]:
-        """Return what is unusual about the models, and which effects are not fed back, as text."""
+        """Return what is unusual about the models, as text."""
         joints, law = self._joints, self._law
         return [
             *(f"{joint}: its model file is for joint '{model.joint}'"
               for joint, model in zip(joints, law.models) if model.joint not in ('', joint)),
-            *(f'{joints[j]}: {effect} is not fed back: {why}'
-              for j, effect, why in law.never_applied),
             *(f'{joint}: in some postures its weight takes up to {weight:.3g} A, more than the '
               f'limit of {limit:.3g} A: it is not supported in full there'
               for joint, weight, limit in zip(joints, law.largest_weights, law.limits)
               if weight > limit)]
+
+    def left_out(self) -> list[str]:
+        """Return which effects of the models are not fed back, and why, as text."""
+        return [f'{self._joints[j]}: {effect} is not fed back: {why}'
+                for j, effect, why in self._law.never_applied]
 
     def values(self) -> dict[str, Any]:
         """Return what diagnostics show, a number for each joint or a single value."""

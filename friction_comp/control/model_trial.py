@@ -21,6 +21,7 @@ from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.motor_check import doubts
 from friction_comp.package_files import package_file
 
 # Samples of the trial run.
@@ -34,9 +35,13 @@ class Loaded(NamedTuple):
     feed: FeedForward
 
     def told(self, before: FeedForward | None = None) -> list[str]:
-        """Return what feeds forward otherwise than before, or than the model says, as text."""
+        """Return what a file says against its model, and what feeds forward otherwise, as text.
+
+        Otherwise than before, or than the model says.
+        """
         changed = [] if before is None else self.feed.compared(before)
-        return [*(f'feeds forward otherwise than before: {text}' for text in changed),
+        return [*doubts(self.model),
+                *(f'feeds forward otherwise than before: {text}' for text in changed),
                 *(f'feeds forward otherwise than its model says: {text}'
                   for text in self.feed.lacking(self.model))]
 

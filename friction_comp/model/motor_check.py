@@ -23,6 +23,9 @@ from friction_comp.samples import Samples
 CURRENT, TORQUE = 'A', 'N·m'
 """Units in which a motor can be commanded; `notes.unit` of a model is A if it is not given."""
 
+RECORD_AGAIN = 'record again'
+"""The verdict of refinement on data that do not support a model."""
+
 # rad/s; the note's largest speed, used if the file does not give the largest identified speed.
 _SPEED = math.radians(100.0)
 # s, Hz: a movement to and fro, and the rate at which it is sampled.
@@ -64,6 +67,21 @@ def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[st
 def unit_of(model: FrictionModel) -> str:
     """Return the unit of the model's currents by its notes."""
     return str(model.notes.get('unit') or CURRENT)
+
+
+def doubts(model: FrictionModel) -> list[str]:
+    """Return what the model's file says against it: reasons of the last who measured or judged."""
+    notes, verdict = model.notes, model.notes.get('verdict')
+    said = notes.get('reasons' if verdict else 'warnings')
+    reasons = [str(one).rstrip('.') for one in said] if isinstance(said, (list, tuple)) else []
+    if verdict and (reasons or is_to_be_recorded_again(model)):
+        return [f'refine says `{verdict}`: {reason}' for reason in reasons or ['it says no reason']]
+    return [f'identification says: {reason}' for reason in reasons]
+
+
+def is_to_be_recorded_again(model: FrictionModel) -> bool:
+    """Return whether refinement says that the data behind a model do not support it."""
+    return bool(model.notes.get('verdict') == RECORD_AGAIN)
 
 
 def _motion(model: FrictionModel) -> Samples:

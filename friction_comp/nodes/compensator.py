@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 import traceback
 from typing import Any
 
@@ -16,7 +17,7 @@ from friction_comp.compensation.law import GRAVITY, LAWS
 from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import load_compiled_code, Loaded, try_model
 from friction_comp.errors import InputError
-from friction_comp.model.motor_check import TORQUE, unit_of
+from friction_comp.model.motor_check import doubts, is_to_be_recorded_again, TORQUE, unit_of
 from friction_comp.nodes.configured_compensator import ConfiguredCompensator, SETTINGS
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, WARN
 from friction_comp.ros.joint_io import command_interface, input_qos
@@ -66,6 +67,8 @@ class CompensatorNode(LifecycleNode):
         declare(self, 'model_files', [],
                 'model file of each joint; a new one is validated, then activated, while the node '
                 'runs', changes=True)
+        declare(self, 'accept_record_again', False,
+                'also take models of which refine says `record again`', changes=True)
         declare(self, 'law', 'continuous',
                 'continuous; desired: friction of the reference of another controller, which moves '
                 'the joint; paper: the note as printed; kinetic: its case without breakaway term, '
@@ -98,18 +101,27 @@ class CompensatorNode(LifecycleNode):
 
     def prepare(self, parameters: list[Any]) -> Loading | None:
         """Start loading the models that are about to be set."""
-        files = [names_in(parameter.value) for parameter in parameters
-                 if parameter.name == 'model_files' and isinstance(parameter.value, (list, tuple))]
-        return Loading(files[-1], self._load) if files and self._configured is not None else None
+        given = {parameter.name: parameter.value for parameter in parameters}
+        files, accepts = given.get('model_files'), given.get('accept_record_again')
+        if self._configured is None or not isinstance(files, (list, tuple)):
+            return None
+        return Loading(names_in(files), partial(self._load, accepts=accepts))
 
-    def _load(self, files: Sequence[str]) -> list[Loaded]:
-        """Return validated models: checked, and run in a separate law."""
+    def _load(self, files: Sequence[str], accepts: bool | None = None) -> list[Loaded]:
+        """Return validated models: checked, and run in a separate law.
+
+        `accepts` is what `accept_record_again` will be, by default what it is.
+        """
+        accepts = self._value('accept_record_again') if accepts is None else accepts
         loaded = []
         for model, path in zip(load_models(files, self._joints, for_motor=True), files):
             if unit_of(model) == TORQUE and self._value('command_interface') == 'current':
                 raise InputError(
                     f'{path}: its figures are in N·m, the commands in A: set command_interface to '
                     'effort, or refine it with --torque-constant and --gear-ratio')
+            if is_to_be_recorded_again(model) and not accepts:
+                raise InputError(f'{path}: {"; ".join(doubts(model))}. Set accept_record_again to '
+                                 'drive the motor with it all the same')
             loaded.append(try_model(model, self._value('gravity'), path))
         return loaded
 

@@ -15,6 +15,7 @@ from friction_comp.compensation.law import CompensationLaw, GRAVITY
 from friction_comp.control.compensation_loop import CompensationLoop
 from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import Loaded
+from friction_comp.model.motor_check import doubts
 from friction_comp.ros.diagnostics import Rate
 from friction_comp.ros.joint_io import CommandPort, competing_publishers
 from friction_comp.stamps import NANO, nanoseconds
@@ -99,12 +100,14 @@ class ConfiguredCompensator(CompensationLoop):
         self._commands.release()
 
     def told(self, loaded: Sequence[Loaded]) -> list[str]:
-        """Return what feeds forward otherwise with these models, as text."""
+        """Return what these models' files say against them, and what feeds forward otherwise."""
         return [f'{joint} {text}' for joint, one, before in zip(self._joints, loaded, self._feeds)
                 for text in one.told(before)]
 
     def _tell(self, loaded: Sequence[Loaded]) -> None:
         self._told, self._feeds = self.told(loaded), [one.feed for one in loaded]
+        self._doubts = [f'{joint}: {text}' for joint, one in zip(self._joints, loaded)
+                        for text in doubts(one.model)]
         for text in self._told:
             self._node.get_logger().warning(text)
 
@@ -125,8 +128,17 @@ class ConfiguredCompensator(CompensationLoop):
 
     def warn_unusual(self) -> None:
         """Log what is unusual about the law and the models, and which effects are not fed back."""
+        logger = self._node.get_logger()
         for text in (*_UNUSUAL_LAWS.get(self._value('law'), ()), *self.unusual()):
-            self._node.get_logger().warning(text)
+            logger.warning(text)
+        # Most models have some: a reason to know, none to look after.
+        for text in self.left_out():
+            logger.info(text)
+
+    def status(self) -> tuple[bool, str]:
+        """Return whether all is well, and a message, while no fault is present."""
+        well, text = super().status()
+        return well and not self._doubts, '; '.join((text, *self._doubts))
 
     def _on_direction(self, message: Any) -> None:
         self.inputs.take_direction(message.data, self._now())
@@ -158,7 +170,7 @@ class ConfiguredCompensator(CompensationLoop):
             'law': self._value('law'), 'model_files': str(list(self._value('model_files'))),
             'settings': ', '.join(f'{name} {value}' for name, default in SETTINGS.items()
                                   if (value := self._value(name)) != default),
-            'fed forward otherwise': '; '.join(self._told),
+            'said of the models': '; '.join(self._told),
             'listeners to the command': self._commands.listeners,
             **{f'fed forward, {place} [A]': [max(getattr(feed, place)) for feed in self._feeds]
                for place in ('rest', 'sliding')}, **super().values()}

@@ -154,6 +154,7 @@ def check_running_system(arguments: argparse.Namespace, models: list[FrictionMod
 
 def _check_models(seen: Observation, given: list[FrictionModel]) -> list[Finding]:
     from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.model.motor_check import doubts, is_to_be_recorded_again
     from friction_comp.monitoring.checkup import check_joint
 
     joints = seen.states.joints if seen.states else []
@@ -163,6 +164,10 @@ def _check_models(seen: Observation, given: list[FrictionModel]) -> list[Finding
         # The file of a joint of another name belongs to the joint at its place in the list.
         is_named = model.joint in joints or index >= len(joints)
         models.append((model.joint if is_named else joints[index], model))
+        # Those of a running compensator are told by its diagnostics.
+        level = PROBLEM if is_to_be_recorded_again(model) else WARNING
+        findings += [Finding(level, models[-1][0], text, 'record or identify it again')
+                     for text in doubts(model)]
     if not given:
         for node, values in seen.parameters.items():
             if 'compensator' not in node:
