@@ -1,24 +1,131 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads YAML files with error messages that name them, and writes files atomically."""
+"""The one door for files: through it every byte comes in and goes out.
+
+In: a regular file that may be read, unpacked to no more than a recording could hold; YAML without
+references and JSON, both bounded in depth. Out: whole or absent, whatever ends the program (see
+`friction_comp.interrupts`), and never in the place of a file that was read as an input.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 import errno
+import io
 import json
 import math
 import os
 from pathlib import Path
 import re
+import shutil
 import stat
 import tempfile
-from typing import Any
+from typing import Any, BinaryIO
 import uuid
+import xml.etree.ElementTree as ElementTree
+import zlib
 
 import yaml
 
 from friction_comp.errors import InputError, one_line, os_errors_name
+
+AnyPath = str | os.PathLike[str]
+PACKED = 1000
+"""What is packed, as in a .gz, .zstd, .npz or .h5 file, unpacks to at most so many times its size:
+times and noise of a recording do not pack better."""
+# What may always be unpacked, and the largest documents in YAML and JSON, both in bytes; how many
+# values these hold, and how deep they are nested.
+_SMALL, _LARGEST, _MOST, _DEEPEST = 16_000_000, 20_000_000, 4_000_000, 100
+# Files that were read, by device and inode, and whether each is a document, as a model is.
+_inputs: dict[tuple[int, int], tuple[Path, bool]] = {}
+
+
+# In.
+
+def open_input(path: AnyPath, document: bool = False) -> BinaryIO:
+    """Open a file for reading; raises InputError if it is not a regular file, or cannot be read.
+
+    Nothing is written in its place later, but a new model in that of a `document`.
+    """
+    path = Path(path)
+    with os_errors_name(path, 'cannot be read: '):
+        # Do not wait for a writer if it is a pipe: there may never be one.
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        kind = os.fstat(handle)
+        if not stat.S_ISREG(kind.st_mode):
+            os.close(handle)
+            if stat.S_ISDIR(kind.st_mode):
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            raise InputError(f'{path}: not a regular file')
+        _inputs[kind.st_dev, kind.st_ino] = path.absolute(), document
+        return os.fdopen(handle, 'rb')
+
+
+def check_input(path: AnyPath) -> Path:
+    """Return the path of a file that a library opens itself; raises InputError as `open_input`."""
+    open_input(path).close()
+    return Path(path)
+
+
+def read_text(path: AnyPath, most: int = _LARGEST, document: bool = False) -> str:
+    """Return a text file in UTF-8 of at most so many bytes; raises InputError if it is none."""
+    with open_input(path, document) as stream:
+        data = stream.read(most + 1)
+    if len(data) > most:
+        raise InputError(f'{path}: more than {most // 1000} kB')
+    try:
+        return data.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        raise InputError(f'{path}: not a text file in UTF-8') from None
+
+
+def check_unpacked(where: object, size: float, packed: int) -> None:
+    """Raise InputError if `packed` bytes say that they unpack to a `size` that is absurd."""
+    if size > _SMALL + PACKED * packed:
+        raise InputError(f'{where}: {packed} bytes would unpack to {size:.3g}, more than '
+                         f'{PACKED} times as many, which no recording does')
+
+
+class Unpacked(io.RawIOBase):
+    """Plain bytes of a file that is packed with gzip or zstd; raises InputError if they are absurd.
+
+    What is damaged ends the stream after what can be read; `damage` says so then.
+    """
+
+    def __init__(self, where: object, packed: BinaryIO) -> None:
+        self._where, self._size, self._given = where, os.fstat(packed.fileno()).st_size, 0
+        self.damage = ''
+        begin = packed.read(4)
+        packed.seek(0)
+        self._errors: tuple[type[Exception], ...] = (EOFError, OSError, zlib.error)
+        if begin == b'\x28\xb5\x2f\xfd':
+            import zstandard
+
+            self._errors = (zstandard.ZstdError,)
+            self._plain: Any = zstandard.ZstdDecompressor(
+                max_window_size=1 << 27).stream_reader(packed, read_across_frames=True)
+        else:
+            import gzip
+
+            self._plain = gzip.GzipFile(fileobj=packed)
+
+    def readable(self) -> bool:
+        """Return True."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Fill the buffer, as `io.RawIOBase` does."""
+        try:
+            data = b'' if self.damage else self._plain.read(min(len(buffer), 1 << 20))
+        except self._errors as error:
+            if not self._given:
+                raise InputError(f'{self._where}: cannot be unpacked: {one_line(error)}') from None
+            self.damage, data = one_line(error), b''
+        self._given += len(data)
+        check_unpacked(self._where, self._given, self._size)
+        buffer[:len(data)] = data
+        return len(data)
 
 
 def library_for(path: Path, name: str, extra: str, files: str) -> Any:
@@ -31,20 +138,16 @@ def library_for(path: Path, name: str, extra: str, files: str) -> Any:
                          f'or pip install {package}') from None
 
 
-class _PlainLoader(yaml.SafeLoader):
-    """Reads the plain values of YAML 1.2, and rejects duplicate keys and references.
+# Documents.
 
-    PyYAML's own loader (YAML 1.1) reads 3:00 as 180, 3_000 as 3000, 010 as 8 and 'no' as false. It
-    silently keeps the last of two equal keys, and a few references can expand to fill the memory.
+class _PlainLoader(yaml.SafeLoader):
+    """Reads the plain values of YAML 1.2, and rejects duplicate keys.
+
+    PyYAML's own loader (YAML 1.1) reads 3:00 as 180, 3_000 as 3000, 010 as 8 and 'no' as false, and
+    silently keeps the last of two equal keys.
     """
 
     yaml_implicit_resolvers = {}
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            mark = self.peek_event().start_mark
-            raise yaml.YAMLError(f'line {mark.line + 1}: references (*) are not allowed')
-        return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         seen = set()
@@ -57,7 +160,10 @@ class _PlainLoader(yaml.SafeLoader):
 
 
 class _QuotingDumper(yaml.SafeDumper):
-    """Quotes strings that any version of YAML would read as a number, such as 3:00 and 0E0."""
+    """Writes no references, and quotes what any version of YAML reads as a number, such as 3:00."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
 
 
 def _whole_number(loader: Any, node: Any) -> int:
@@ -82,102 +188,65 @@ for _tag, _pattern, _first in (
 _PlainLoader.add_constructor('tag:yaml.org,2002:int', _whole_number)
 _PlainLoader.add_constructor('tag:yaml.org,2002:float', _number)
 
-# Largest size of a YAML document, bytes; the largest model files have a tenth of it.
-_LARGEST = 1_000_000
 
+def parse_yaml(text: str, where: object, long: bool = False) -> Any:
+    """Return the plain values of a YAML document; raises InputError if it is not valid.
 
-def read_yaml(path: str | Path) -> Any:
-    """Return the content of a YAML file; see `_PlainLoader`.
-
-    Raises InputError if it cannot be read, is not a regular file, is too large or not valid.
+    What is nested deeply is refused, and so are references, a few of which fill the memory. In a
+    `long` document, which ROS wrote, they count as what they repeat; libyaml, where PyYAML has it,
+    reads it in a tenth of the time. See `_PlainLoader` for all others.
     """
-    path = Path(path)
-    with os_errors_name(path):
-        # Do not wait for a writer if it is a pipe: there may never be one.
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(handle, 'rb') as stream:
-            kind = os.fstat(handle)
-            if stat.S_ISDIR(kind.st_mode):
-                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-            if not stat.S_ISREG(kind.st_mode):
-                raise InputError(f'{path}: not a regular file')
-            data = stream.read(_LARGEST + 1)
-    if len(data) > _LARGEST:
-        raise InputError(f'{path}: more than {_LARGEST // 1000} kB')
+    quick = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
     try:
-        return yaml.load(data.decode('utf-8'), Loader=_PlainLoader)
+        # Anchor and number of values of each collection that is open; the numbers of closed ones.
+        inside: list[tuple[str | None, int]] = [(None, 0)]
+        repeated: dict[str | None, int] = {}
+        for event in yaml.parse(text, Loader=quick):
+            count = int(isinstance(event, yaml.ScalarEvent))
+            if isinstance(event, yaml.AliasEvent):
+                count = repeated.get(event.anchor, 1) if long else _MOST
+            elif isinstance(event, yaml.CollectionStartEvent):
+                repeated[event.anchor] = _MOST  # until it ends, it would hold itself
+                inside.append((event.anchor, 1))
+            elif isinstance(event, yaml.CollectionEndEvent):
+                anchor, count = inside.pop()
+                repeated[anchor] = count
+            inside[-1] = inside[-1][0], inside[-1][1] + count
+            if inside[-1][1] >= _MOST or len(inside) > _DEEPEST:
+                raise yaml.YAMLError('references (*) are not allowed' if isinstance(
+                    event, yaml.AliasEvent) else 'it holds too much, or is nested too deeply')
+        return yaml.load(text, Loader=quick if long else _PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f'{path}: not a YAML document: {one_line(error)}') from None
+        raise InputError(f'{where}: not a YAML document: {one_line(error)}') from None
 
 
-def load_yaml(text: str) -> Any:
-    """Return the plain values of a long YAML document; raises yaml.YAMLError.
-
-    libyaml, where PyYAML has it, takes a tenth of the time.
-    """
-    return yaml.load(text, Loader=getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+def read_yaml(path: AnyPath, long: bool = False) -> Any:
+    """Return the content of a YAML file, see `parse_yaml`; raises InputError if it is none."""
+    return parse_yaml(read_text(path, _LARGEST if long else _LARGEST // 20, True), path, long)
 
 
-def dump_yaml(document: Any) -> str:
-    """Return plain values as a YAML document; libyaml refuses names that are not UTF-8."""
-    return str(yaml.safe_dump(document, sort_keys=False, allow_unicode=True))
+def parse_json(text: str, where: object) -> Any:
+    """Return the content of a JSON document; raises InputError if it is not valid."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f'{where}: not a JSON document: {one_line(error)}') from None
 
 
-def read_json(path: str | Path) -> Any:
+def read_json(path: AnyPath) -> Any:
     """Return the content of a JSON file; raises InputError if it cannot be read or is not valid."""
-    with os_errors_name(path, 'cannot be read: '):
-        try:
-            return json.loads(Path(path).read_text(encoding='utf-8'))
-        except ValueError as error:
-            raise InputError(f'{path}: not a JSON document: {error}') from None
+    return parse_json(read_text(path), path)
 
 
-def encodable(text: str) -> str:
-    r"""Return text for UTF-8: other bytes, as of file names, become escapes such as ``\udcfc``."""
-    return text.encode('utf-8', 'backslashreplace').decode('utf-8')
-
-
-def file_names(names: Iterable[str]) -> list[str]:
-    """Return a different name of a file for each name of a joint or recording.
-
-    It is the name itself without slashes, which would name other folders.
-    """
-    files: list[str] = []
-    for name in names:
-        file = name.strip('/').replace('/', '_')
-        while file in files:
-            file += '_'
-        files.append(file)
-    return files
-
-
-def write_atomically(path: str | Path, content: str | bytes, sync: bool = True) -> None:
-    """Write text or bytes to a temporary file that then replaces the file.
-
-    A device or pipe is written to directly. Without `sync` it does not wait for the disk. Raises
-    InputError if the file cannot be written.
-    """
-    path = Path(path)
-    data = encodable(content).encode('utf-8') if isinstance(content, str) else content
-    with os_errors_name(path, 'cannot be written: '):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists() and not path.is_file():
-            # Do not wait until a pipe has a reader, but then wait for a slow one.
-            handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-            os.set_blocking(handle, True)
-            with os.fdopen(handle, 'wb') as stream:
-                stream.write(data)
-            return
-        draft = path.with_name(f'.{path.name}.{uuid.uuid4().hex}')
-        try:
-            with draft.open('xb') as stream:
-                stream.write(data)
-                stream.flush()
-                if sync:
-                    os.fsync(stream.fileno())
-            draft.replace(path)
-        finally:
-            draft.unlink(missing_ok=True)
+def read_xml(path: AnyPath) -> tuple[str, ElementTree.Element]:
+    """Return text and root of an XML file without entities; raises InputError if it is none."""
+    text = read_text(path)
+    try:
+        if '<!ENTITY' in text:
+            raise ValueError('entities are not allowed')
+        return text, ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f'{path}: not a usable XML file: {one_line(error)}') from None
 
 
 def to_yaml(document: Any) -> str:
@@ -186,9 +255,14 @@ def to_yaml(document: Any) -> str:
                          width=96, default_flow_style=None))
 
 
-def write_yaml(path: str | Path, document: Any) -> None:
-    """Write plain values as a YAML document; raises InputError if the folder cannot be written."""
-    write_atomically(path, to_yaml(document))
+def dump_yaml(document: Any) -> str:
+    """Return plain values as a YAML document as ROS writes it, a line for each."""
+    return str(yaml.dump(document, Dumper=_QuotingDumper, sort_keys=False, allow_unicode=True))
+
+
+def encodable(text: str) -> str:
+    r"""Return text for UTF-8: other bytes, as of file names, become escapes such as ``\udcfc``."""
+    return text.encode('utf-8', 'backslashreplace').decode('utf-8')
 
 
 def plain(value: Any, not_finite: float | None = math.nan) -> Any:
@@ -210,7 +284,122 @@ def plain(value: Any, not_finite: float | None = math.nan) -> Any:
     return value
 
 
-def check_folder(path: str | Path) -> None:
+# Out.
+
+def write_atomically(path: AnyPath, content: str | bytes, sync: bool = True,
+                     is_model: bool = False) -> None:
+    """Write text or bytes to a temporary file that then replaces the file.
+
+    A device or pipe is written to directly. Without `sync` it does not wait for the disk. Raises
+    InputError if the file cannot be written, or is one that was read: only a model may replace one.
+    """
+    path = Path(path)
+    data = encodable(content).encode('utf-8') if isinstance(content, str) else content
+    with os_errors_name(path, 'cannot be written: '):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.exists() and not path.is_file():
+            # Do not wait until a pipe has a reader, but then wait for a slow one.
+            handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+            os.set_blocking(handle, True)
+            with os.fdopen(handle, 'wb') as stream:
+                stream.write(data)
+            return
+        _keep_input(path, is_model)
+        draft = path.with_name(f'.{uuid.uuid4().hex}')
+        try:
+            with draft.open('xb') as stream:
+                stream.write(data)
+                stream.flush()
+                if sync:
+                    os.fsync(stream.fileno())
+            draft.replace(path)
+        finally:
+            draft.unlink(missing_ok=True)
+
+
+def write_yaml(path: AnyPath, document: Any) -> None:
+    """Write a model, or other plain values, as YAML; raises InputError if it cannot be written."""
+    write_atomically(path, to_yaml(document), is_model=True)
+
+
+def _keep_input(path: Path, is_model: bool) -> None:
+    """Raise InputError if a file is one that was read, and is still in its place."""
+    with suppress(OSError):
+        kind = path.stat()
+        read, document = _inputs.get((kind.st_dev, kind.st_ino), (None, False))
+        if read is not None and read.samefile(path) and not (document and is_model):
+            raise InputError(f'{path}: is the input itself')
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Yield a hidden folder that becomes `path`, which must not exist, when the block succeeds.
+
+    It bears the same name, below a folder beside `path`. Nothing is left otherwise.
+    """
+    if os.path.lexists(path):
+        raise InputError(f'{path}: already exists, a recording needs a new folder')
+    with _beside(path) as (unfinished, made):
+        draft = unfinished / path.name
+        draft.mkdir()
+        yield draft
+        os.rename(draft, path)
+        made.clear()
+
+
+@contextmanager
+def output_folder(path: Path) -> Iterator[Path]:
+    """Yield a hidden folder for results, which are moved to `path` when the block succeeds.
+
+    Files with the same names in `path` are replaced, others are kept.
+    """
+    if path.exists() and not path.is_dir():
+        raise InputError(f'{path}: exists and is not a folder')
+    with _beside(path / 'results') as (unfinished, made):
+        yield unfinished
+        _move_content(unfinished, path)
+        made.clear()
+
+
+@contextmanager
+def _beside(path: Path) -> Iterator[tuple[Path, list[Path]]]:
+    """Yield a hidden folder beside `path`, which is removed, and which folders were made for it.
+
+    These are removed, too, unless the list is emptied. Errors of the system name the path.
+    """
+    made = [folder for folder in path.parents if not folder.exists()]
+    unfinished = path.with_name(f'.unfinished.{uuid.uuid4().hex}')
+    try:
+        unfinished.mkdir(parents=True)
+        yield unfinished, made
+    except OSError as error:
+        raise InputError(f'{path.parent if made else path}: cannot be written: '
+                         f'{error.strerror or error}') from None
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        # Without success, folders that were made are removed as well, the innermost first.
+        for folder in made:
+            with suppress(OSError):
+                folder.rmdir()
+
+
+def _move_content(unfinished: Path, path: Path) -> None:
+    sources = sorted(unfinished.rglob('*'))
+    for source in sources:
+        target = path / source.relative_to(unfinished)
+        kind = 'folder' if source.is_dir() else 'file'
+        if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
+            raise InputError(f'{target}: exists and is no ordinary {kind}')
+        _keep_input(target, target.suffix == '.yaml')
+    for source in sources:
+        target = path / source.relative_to(unfinished)
+        if source.is_dir():
+            target.mkdir(exist_ok=True)
+        else:
+            os.replace(source, target)
+
+
+def check_folder(path: AnyPath) -> None:
     """Raise InputError if files cannot be written into a folder; it is not created."""
     folder = Path(path).absolute()
     with os_errors_name(path, 'cannot be written to: '):
@@ -223,7 +412,7 @@ def check_folder(path: str | Path) -> None:
             pass
 
 
-def check_file(path: str | Path) -> None:
+def check_file(path: AnyPath) -> None:
     """Raise InputError if a file cannot be written; existing devices are accepted."""
     path = Path(path)
     with os_errors_name(path, 'cannot be written to: '):
@@ -231,4 +420,20 @@ def check_file(path: str | Path) -> None:
             raise InputError(f'{path}: is a folder, not a file')
         if path.exists() and not path.is_file():
             return
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.lstat()    # tells that a name is too long
     check_folder(path.parent)
+
+
+def file_names(names: Iterable[str]) -> list[str]:
+    """Return a different name of a file for each name of a joint or recording.
+
+    It is the name itself without slashes, which would name other folders.
+    """
+    files: list[str] = []
+    for name in names:
+        file = name.strip('/').replace('/', '_')
+        while file in files:
+            file += '_'
+        files.append(file)
+    return files

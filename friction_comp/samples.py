@@ -26,6 +26,25 @@ _OPTIONAL = (
     'reference_position', 'reference_velocity', 'rigid_body', 'coupling',
 )
 _SIGNALS = ('time', 'position', 'current', *_OPTIONAL)
+LIMITS = {
+    'position': (1e5, 'rad'), 'velocity': (1e4, 'rad/s'), 'acceleration': (1e7, 'rad/s²'),
+    'current': (1e5, 'A'),
+    'command': (1e5, 'A'), 'load': (1e7, 'N·m'), 'temperature': (250.0, '°C'),
+    'reference_position': (1e5, 'rad'), 'reference_velocity': (1e4, 'rad/s'),
+}
+"""Largest magnitude and unit of each signal, far beyond any geared drive: one turn per second for
+four hours is 1e5 rad, the fastest motors turn at 1e4 rad/s, the shaft of a wind turbine carries
+1e7 N·m, and the windings of a motor end above 250 °C."""
+LOWEST = {'temperature': -100.0}
+"""Smallest value of signals for which it is not minus the largest: colder than any place on earth,
+°C."""
+
+
+def beyond(signal: str, values: np.ndarray) -> np.ndarray:
+    """Return whether each value of a signal is impossible by `LIMITS`, `LOWEST`; False for NaN."""
+    limit = LIMITS[signal][0]
+    with np.errstate(invalid='ignore'):
+        return np.asarray((values > limit) | (values < LOWEST.get(signal, -limit)))
 
 
 @dataclass(frozen=True)

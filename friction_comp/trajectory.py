@@ -6,14 +6,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from friction_comp.errors import InputError, os_errors_name
-from friction_comp.files import load_yaml
+from friction_comp.errors import InputError
+from friction_comp.files import read_yaml
+from friction_comp.samples import beyond
 from friction_comp.stamps import NANO
 
 _STATES = ('positions', 'velocities', 'accelerations')
@@ -32,11 +33,7 @@ class Trajectory:
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
         """Read a message from a YAML file; raises InputError if it is not valid."""
-        try:
-            with os_errors_name(path, 'cannot be read: '):
-                document: Any = load_yaml(Path(path).read_text(encoding='utf-8'))
-        except (yaml.YAMLError, UnicodeDecodeError):
-            raise InputError(f'{path}: not a YAML file') from None
+        document: Any = read_yaml(path, long=True)
         try:
             names = [str(name) for name in document['joint_names']]
             points = document['points']
@@ -51,6 +48,12 @@ class Trajectory:
                 state.shape != (len(time), len(names)) for state in states):
             raise InputError(f'{path}: needs at least two points, each with one value for every '
                              'named joint')
+        for signal, values in zip(('position', 'velocity', 'acceleration'), states):
+            wrong = ~np.isfinite(values) | beyond(signal, values)
+            if wrong.any():
+                raise InputError(f'{path}: a {signal} of {values[wrong][0]:g} is impossible')
+        if not (time[0] >= 0.0 and time[-1] < math.inf and (np.diff(time) > 0.0).all()):
+            raise InputError(f'{path}: its times do not rise')
         return cls(tuple(names), time, *states)
 
     def of(self, joint: str) -> Trajectory:

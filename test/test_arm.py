@@ -241,9 +241,20 @@ def test_the_urdf_of_another_robot_is_refused(pinocchio, tmp_path):
     assert '\n' not in str(caught.value)
 
 
-def test_a_negative_mass_is_refused(pinocchio, tmp_path):
-    with pytest.raises(InputError, match=r"'bend' .* negative mass"):
-        chain_of(tmp_path, small_arm(masses=(4.0, 3.0, -2.0)), PLANE)
+@pytest.mark.parametrize(('was', 'becomes', 'words'), [
+    ('mass value="2"', 'mass value="-2"', 'a mass of -2 kg'),
+    ('mass value="2"', 'mass value="nan"', 'mass value of nan'),
+    ('mass value="2"', 'mass value="1e300"', 'mass value of 1e300'),
+    ('mass value="2"', 'mass value="two"', 'mass value of two'),
+    ('ixx="0.02"', 'ixx="-5"', 'an inertia that is negative')])
+def test_a_mass_or_inertia_that_no_link_has_is_refused(pinocchio, tmp_path, was, becomes, words):
+    text = ('<robot name="x"><link name="base"/><joint name="turn" type="continuous">'
+            '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint><link name="arm">'
+            '<inertial><origin xyz="0.1 0 0"/><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" '
+            'iyy="0.02" iyz="0" izz="0.02"/></inertial></link></robot>')
+    assert chain_of(tmp_path, text, ['turn']).tree.parameters[0, 0] == 2.0
+    with pytest.raises(InputError, match=f"link 'arm': {words}"):
+        chain_of(tmp_path, text.replace(was, becomes), ['turn'])
 
 
 def test_joints_that_are_not_recorded_are_locked(pinocchio, tmp_path):
@@ -256,7 +267,8 @@ def test_joints_that_are_not_recorded_are_locked(pinocchio, tmp_path):
 
 
 @pytest.mark.parametrize('text, words', [
-    ('', 'not a URDF'), ('<robot name="x">', 'not a usable URDF'),
+    ('', 'not a usable XML file'), ('<robot name="x">', 'not a usable XML file'),
+    ('<sdf/>', 'not a URDF'),
     ('<robot name="x"><link name="base"/></robot>', 'no joint that moves'),
     ('<robot xmlns:xacro="x"><xacro:arm/></robot>', 'xacro')])
 def test_files_that_are_no_urdf_give_one_line(pinocchio, tmp_path, text, words):

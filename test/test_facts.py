@@ -16,7 +16,7 @@ from friction_comp.facts import motion, timing
 from friction_comp.facts.current import current_answer, gain_fault, late_answer, wrong_sign
 from friction_comp.facts.motion import agreement_of, velocity_agreement, VelocityCheck
 from friction_comp.recordings import find_recordings, read_recording, recorded_joints
-from friction_comp.samples import Samples
+from friction_comp.samples import beyond, Samples
 
 DRIVE = Drive(torque_constant=0.119, gear_ratio=50.0, encoder_counts=4096)
 
@@ -282,9 +282,9 @@ def test_noise_is_known_by_what_the_command_does_not_explain(factor):
 
 
 def test_values_that_no_joint_can_have():
-    assert motion.beyond('position', np.array([1.0, 1e300, -np.inf, np.nan])).tolist() == [
+    assert beyond('position', np.array([1.0, 1e300, -np.inf, np.nan])).tolist() == [
         False, True, True, False]
-    assert not motion.beyond('velocity', np.array([9e3])).any()
+    assert not beyond('velocity', np.array([9e3])).any()
 
 
 @pytest.mark.parametrize(('lost', 'noise', 'step'), [

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
+from friction_comp.files import output_folder
 from friction_comp.number_text import number
 from friction_comp.reports.figures import band, new_figure, scatter
 from friction_comp.reports.html import Report
-from friction_comp.results import output_folder, to_json
+from friction_comp.results import to_json
 from friction_comp.tools.common import Arguments, positive, progress, whole_number
 
 VOID = {'meta', 'img', 'br', 'hr', 'link', 'input'}

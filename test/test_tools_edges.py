@@ -21,11 +21,10 @@ import pytest
 
 from friction_comp.__main__ import main, run
 from friction_comp.errors import InputError
-from friction_comp.files import check_file, check_folder, write_atomically
+from friction_comp.files import check_file, check_folder, output_folder, write_atomically
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import write_samples
-from friction_comp.results import output_folder
 from friction_comp.samples import Samples
 from friction_comp.tools import demo, evaluate, predict, refine, reproduce, ros_domain
 from friction_comp.tools.common import Arguments
@@ -196,14 +195,21 @@ def test_recordings_with_and_without_a_load_are_not_mixed(tmp_path, refuses):
     ('convert', ['log.csv', '--output', 'log.csv']),
     ('predict', ['log.csv', '--model', 'model.yaml', '--output', 'log.csv']),
     ('predict', ['log.csv', '--model', 'model.yaml', '--output', 'model.yaml']),
-    ('export', ['model.yaml', '--to', 'csv', '--output', './model.yaml'])])
+    ('predict', ['log.csv', '--model', 'model.yaml', '--output', 'linked.csv']),
+    ('export', ['model.yaml', '--to', 'csv', '--output', './model.yaml']),
+    ('export', ['model.yaml', '--to', 'mujoco', '--recording', 'log.csv', '--output', 'log.csv'])])
 def test_no_output_is_written_over_an_input(tmp_path, monkeypatch, capsys, tool, arguments):
     monkeypatch.chdir(tmp_path)
-    for name in ('log.csv', 'model.yaml'):
-        Path(name).write_text(name)
+    time = 0.01 * np.arange(2000)
+    np.savetxt('log.csv', np.column_stack([time, np.sin(time), np.cos(time)]), delimiter=',',
+               header='t,q,tau', comments='')
+    Path('model.yaml').write_bytes(MODEL.read_bytes())
+    Path('linked.csv').hardlink_to('log.csv')
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert run(tool, arguments) == 2
-    assert 'is the input itself' in capsys.readouterr().err
-    assert all(path.read_text() == path.name for path in tmp_path.iterdir())
+    assert ('already exists' if tool == 'convert' else 'is the input itself') in (
+        capsys.readouterr().err)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 @pytest.fixture
@@ -228,7 +234,7 @@ def test_one_constant_of_the_drive_is_not_enough(swinging, refuses):
 
 
 @pytest.mark.parametrize('tool, arguments', [
-    ('export', ['--to', 'urdf', '--joint', 'knee']), ('history', ['--joint', 'knee']),
+    ('export', ['--to', 'urdf', '--joint', 'knee']),
     ('excite', ['--joint', 'knee', '--position', -1, 1, '--velocity', 1, '--acceleration', 5])])
 def test_of_the_file_of_an_arm_the_joint_is_used_that_was_named(swinging, refuses, tool, arguments):
     write_arm(swinging / 'arm.yaml', dict.fromkeys(('elbow', 'wrist'), FrictionModel.load(MODEL)))

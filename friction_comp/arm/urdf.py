@@ -19,10 +19,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from friction_comp.errors import InputError
+from friction_comp.files import read_xml
 from friction_comp.model.arm.tree import FREE_FALL, Tree
 
 # Words that drivers and robot descriptions add to joint names.
 _GENERIC_WORDS = ('joint', 'axis')
+# kg, and kg·m², beyond any link of an arm; and the share of an inertia that is rounding.
+_MOST, _ROUNDING = 1e6, 1e-6
 
 
 class Chain:
@@ -56,14 +59,13 @@ class Chain:
                                  'nor prismatic')
             # In the joint's own frame, its column of its Jacobian is how it moves.
             subspace = self._library.computeJointJacobian(
-                self._model, self._data, self._library.neutral(self._model), index)[:, joint.idx_v]
+                self._model, self._data, self._library.neutral(self._model), index
+            ).reshape(6, -1)[:, joint.idx_v]
             prismatic = not subspace[3:].any()
             kinds.append('prismatic' if prismatic else 'revolute')
             axes.append(subspace[:3] if prismatic else subspace[3:])
             placements.append(self._model.jointPlacements[index])
             parameters.append(self._model.inertias[index].toDynamicParameters())
-            if parameters[-1][0] < 0.0:
-                raise InputError(f'joint {joints[index - 1]!r} of the URDF carries a negative mass')
             parents.append(self._model.parents[index] - 1)
         return Tree(
             tuple(joints), tuple(kinds), np.array(parents),
@@ -112,16 +114,14 @@ def pinocchio() -> Any:
 
 
 def _read(library: Any, path: str | Path) -> Any:
-    path = Path(path)
-    try:
-        text = path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or 'not a text file'
-        raise InputError(f'{path}: cannot be read: {reason}') from None
-    if '<robot' not in text:
+    text, root = read_xml(path)
+    if root.tag != 'robot':
         raise InputError(f'{path}: not a URDF file: it has no <robot>')
     if re.search(r'<xacro:(?!property\b)', text):
         raise InputError(f'{path}: a xacro file: convert it to URDF first (ros2 run xacro xacro)')
+    for link in root.iter('link'):
+        if fault := _fault_of_inertia(link):
+            raise InputError(f'{path}: link {link.get("name")!r}: {fault}')
     try:
         with _silent():
             model = library.buildModelFromXML(text)
@@ -133,6 +133,31 @@ def _read(library: Any, path: str | Path) -> Any:
     if model.njoints < 2:
         raise InputError(f'{path}: the URDF has no joint that moves')
     return model
+
+
+def _fault_of_inertia(link: Any) -> str:
+    """Return what is wrong with the mass or inertia of a link's element, '' if nothing is."""
+    def value(where: str, name: str) -> float:
+        element = link.find(f'inertial/{where}')
+        text = '0' if element is None else element.get(name, '0')
+        try:
+            number = float(text)
+        except ValueError:
+            number = np.nan
+        if not abs(number) <= _MOST:
+            raise InputError(f'{where} {name} of {text}')
+        return number
+    try:
+        mass = value('mass', 'value')
+        xx, xy, xz, yy, yz, zz = (
+            value('inertia', f'i{axes}') for axes in ('xx', 'xy', 'xz', 'yy', 'yz', 'zz'))
+    except InputError as error:
+        return str(error)
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if mass < 0.0:
+        return f'a mass of {mass:g} kg'
+    return 'an inertia that is negative about an axis' * bool(
+        moments[0] < -_ROUNDING * np.abs(moments).max())
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from friction_comp.facts.motion import beyond
+from friction_comp.samples import beyond
 
 # Largest age of a temperature, ns; friction follows it within minutes.
 _TEMPERATURE_TIMEOUT = 60_000_000_000

@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 from pathlib import Path
-import xml.etree.ElementTree as ElementTree
 
 from friction_comp.checks import check_number
-from friction_comp.errors import InputError, os_errors_name
-from friction_comp.files import read_yaml
+from friction_comp.errors import InputError
+from friction_comp.files import read_xml, read_yaml
 
 # rad, and rad/s, rad/s² and N·m, beyond any joint that is planned for.
 _FARTHEST, _LEAST, _MOST = 100.0, 1e-6, 1e6
@@ -78,11 +77,7 @@ def from_urdf(path: str | Path, acceleration: float,
     Not of joints that mimic another; a URDF does not state the acceleration, rad/s². Raises
     InputError if the file cannot be used, or a joint has no limits of position.
     """
-    with os_errors_name(path, 'cannot be read: '):
-        try:
-            root = ElementTree.parse(path).getroot()
-        except (ElementTree.ParseError, ValueError) as error:
-            raise InputError(f'{path}: not a usable URDF file: {error}') from None
+    _, root = read_xml(path)
     found = {str(one.get('name')): one for one in root.findall('joint')
              if one.get('type') == 'revolute'}
     revolute = {name: one.find('limit') for name, one in found.items() if one.find('mimic') is None}

@@ -7,7 +7,7 @@ reads a file refuses it, who moves a motor commands zero, who refines or looks a
 The functions also run in control loops, so they need NumPy alone.
 
 ====================================================  ==========================================
-`motion.beyond`, `impossible`                         values and jumps that no joint can have
+`motion.impossible`                                   values and jumps that no joint can have
 `motion.velocity_agreement`, `VelocityCheck`          velocity contradicts position
 `motion.not_in_radians`, `not_in_seconds`             units that cannot be
 `motion.turns_of`, `glitches`                         wrapped angles, positions that jump and return

@@ -13,20 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from friction_comp.facts.timing import gap_length
-from friction_comp.samples import Samples
+from friction_comp.samples import beyond, LIMITS, Samples
 from friction_comp.statistics import rms, smallest_step
 
-LIMITS = {
-    'position': (1e5, 'rad'), 'velocity': (1e4, 'rad/s'), 'current': (1e5, 'A'),
-    'command': (1e5, 'A'), 'load': (1e7, 'N·m'), 'temperature': (250.0, '°C'),
-    'reference_position': (1e5, 'rad'), 'reference_velocity': (1e4, 'rad/s'),
-}
-"""Largest magnitude and unit of each signal, far beyond any geared drive: one turn per second for
-four hours is 1e5 rad, the fastest motors turn at 1e4 rad/s, the shaft of a wind turbine carries
-1e7 N·m, and the windings of a motor end above 250 °C."""
-LOWEST = {'temperature': -100.0}
-"""Smallest value of signals for which it is not minus the largest: colder than any place on earth,
-°C."""
 STANDSTILL = 0.01
 """rad/s; slower, friction balances the other torques of a joint instead of following a model."""
 AGREES = 1.25
@@ -84,13 +73,6 @@ _VELOCITY_UNITS = {
 
 
 # Values that no joint can have.
-
-def beyond(signal: str, values: np.ndarray) -> np.ndarray:
-    """Return whether each value of a signal is impossible by `LIMITS`, `LOWEST`; False for NaN."""
-    limit = LIMITS[signal][0]
-    with np.errstate(invalid='ignore'):
-        return np.asarray((values > limit) | (values < LOWEST.get(signal, -limit)))
-
 
 def impossible(samples: Samples) -> str:
     """Return which value, or jump of the position, no joint can have; '' if there is none."""

@@ -25,6 +25,7 @@ from friction_comp.monitoring.observation import (
     StatesSeen,
     WARNING,
 )
+from friction_comp.samples import beyond, LIMITS
 from friction_comp.topics import TOPICS
 
 _LEVELS = {1: WARNING, 2: PROBLEM, 3: PROBLEM}
@@ -150,9 +151,9 @@ def _values(states: StatesSeen, joint: str) -> Iterator[Finding]:
                           f'finite {name}', do)
     for name in ('position', 'velocity'):
         values = getattr(states, name)
-        if (impossible := motion.beyond(name, values)).any():
+        if (impossible := beyond(name, values)).any():
             yield Finding(PROBLEM, joint, f'a {name} of {values[impossible][0]:.3g} '
-                          f'{motion.LIMITS[name][1]} is impossible', 'check how the '
+                          f'{LIMITS[name][1]} is impossible', 'check how the '
                           'driver converts its sensor values, and how it reports a failed sensor')
     if not np.isfinite(states.velocity).any():
         yield Finding(NOTE, joint, 'joint_states hold no velocity; position is differentiated')

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from friction_comp.errors import errors_name, InputError
+from friction_comp.files import output_folder
 from friction_comp.recorded_drive.given import drive_of, Given, unit_of, with_current_limit
-from friction_comp.results import output_folder, write_report
+from friction_comp.results import write_report
 
 if TYPE_CHECKING:
     from friction_comp.recordings import RecordingInfo

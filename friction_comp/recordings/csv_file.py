@@ -23,6 +23,7 @@ import numpy as np
 from friction_comp.column_names import OTHER_UNITS, read_name
 from friction_comp.column_values import date_in_seconds, NOT_A_SIGNAL
 from friction_comp.errors import InputError
+from friction_comp.files import open_input
 from friction_comp.recordings.item_names import with_items
 from friction_comp.recordings.table_base import Columns, Table
 from friction_comp.units import parse_unit
@@ -44,7 +45,7 @@ class Csv(Table):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._encoding = _encoding(path)
-        with path.open('rb') as file:
+        with open_input(path) as file:
             lines = list(islice(_whole_rows(self._text(file)), _FIRST_LINES))
         if any('\0' in line for line in lines):
             raise InputError(f'{path}: not a text file')
@@ -115,7 +116,7 @@ class Csv(Table):
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
         size = self.path.stat().st_size
-        with self.path.open('rb') as file:
+        with open_input(self.path) as file:
             # Kept, since it closes the file when it goes.
             plain = self._text(file)
             text = _whole_rows(plain)
@@ -253,7 +254,7 @@ def _encoding(path: Path) -> str:
 
     With a wrong one, the ° and µ of units would be lost.
     """
-    with path.open('rb') as file:
+    with open_input(path) as file:
         first = _opened(path, file).read(_FIRST_BYTES)
     if first.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return 'utf-16'

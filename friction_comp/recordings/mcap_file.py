@@ -24,7 +24,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, Metadata, Schema, Statistics
 from mcap.stream_reader import get_chunk_data_stream, StreamReader
 
-from friction_comp.files import load_yaml
+from friction_comp.files import open_input, parse_yaml
 
 Message = tuple[str, str, int, bytes]
 Wanted = Callable[[str, str], bool]
@@ -90,7 +90,7 @@ class McapFile(MessageFile):
         if not self._size:
             raise DamagedError('the file is empty')
         self._position = 0
-        self._file = path.open('rb')
+        self._file = open_input(path)
         self._expected: int | None = None
         self._footer = self._read_footer()
         if self._footer is not None and self._footer.summary_start:
@@ -219,7 +219,8 @@ class McapFile(MessageFile):
         elif isinstance(record, Statistics):
             self._expected = record.message_count
         elif isinstance(record, Metadata) and record.name == 'rosbag2':
-            metadata = load_yaml(record.metadata.get('serialized_metadata', '')) or {}
+            metadata = parse_yaml(
+                record.metadata.get('serialized_metadata', ''), 'metadata', long=True) or {}
             custom = metadata.get('custom_data') or {}
             self.custom.update({str(key): str(value) for key, value in custom.items()})
 

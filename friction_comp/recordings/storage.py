@@ -20,7 +20,7 @@ from urllib.parse import quote
 import zstandard
 
 from friction_comp.errors import InputError, one_line
-from friction_comp.files import load_yaml
+from friction_comp.files import read_yaml
 from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message, MessageFile, Wanted
 
 AnyPath = str | PathLike[str]
@@ -113,8 +113,8 @@ class Storage:
 
     def _read_metadata(self) -> list[Path]:
         try:
-            text = (self.path / METADATA).read_text(encoding='utf-8')
-            information: Any = load_yaml(text)['rosbag2_bagfile_information']
+            information: Any = read_yaml(
+                self.path / METADATA, long=True)['rosbag2_bagfile_information']
             # Only the names, in this folder: metadata must not point outside of it.
             files = [self.path / PurePath(name).name for name in information['relative_file_paths']]
             custom = information.get('custom_data') or {}

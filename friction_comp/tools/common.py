@@ -21,8 +21,8 @@ from typing import Any, NoReturn, TYPE_CHECKING, TypeVar
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
-from friction_comp.files import check_file, check_folder, encodable
-from friction_comp.results import output_folder, Page, to_json, write_report
+from friction_comp.files import check_file, check_folder, encodable, output_folder
+from friction_comp.results import Page, to_json, write_report
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -194,12 +194,6 @@ def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) 
         return check(value)
     except InputError as error:
         raise argparse.ArgumentTypeError(str(error).strip()) from None
-
-
-def keep_inputs(output: Path, *inputs: Path) -> None:
-    """Raise InputError if a file to be written is one that is read."""
-    if output.exists() and any(one.exists() and output.samefile(one) for one in inputs):
-        raise InputError(f'{output}: is the input itself')
 
 
 def write_results(arguments: Namespace, content: dict[str, Any], page: Page,

@@ -11,8 +11,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_comp.errors import InputError
+from friction_comp.files import check_file
 from friction_comp.stamps import NANO
-from friction_comp.tools.common import Arguments, keep_inputs, progress
+from friction_comp.tools.common import Arguments, progress
 from friction_comp.tools.refine_arguments import layout_of
 
 
@@ -29,15 +30,14 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.recordings.tables import write_table
 
     output = arguments.output
-    keep_inputs(output, arguments.recording)
     if output.exists():
         raise InputError(f'{output}: already exists; recordings are not overwritten')
+    check_file(output)
     with progress('reading') as report:
         joints, info = read_joints(
             arguments.recording, arguments.joint, lambda share: report(0.5 * share),
             layout_of(arguments))
         report(0.5, 'writing')
-        output.parent.mkdir(parents=True, exist_ok=True)
         if is_table(output):
             write_table(output, joints)
         else:

@@ -20,7 +20,7 @@ from typing import Any, TYPE_CHECKING
 from friction_comp import __version__
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, to_yaml, write_atomically
-from friction_comp.tools.common import Arguments, keep_inputs, positive
+from friction_comp.tools.common import Arguments, positive
 from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
@@ -65,7 +65,6 @@ def main(argv: list[str] | None = None) -> int:
                         'model was refined from')
     parser.add_output_file('the file to write')
     arguments = parser.parse(argv)
-    keep_inputs(arguments.output, arguments.model, *[arguments.recording or arguments.model])
     from friction_comp.model.friction_model import FrictionModel
 
     model = FrictionModel.load(arguments.model, arguments.joint)

@@ -18,7 +18,7 @@ import numpy as np
 from friction_comp.column_values import to_csv
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import write_atomically
-from friction_comp.tools.common import Arguments, keep_inputs, progress
+from friction_comp.tools.common import Arguments, progress
 from friction_comp.tools.refine_arguments import layout_of
 from friction_comp.units import in_own_units
 
@@ -45,7 +45,6 @@ def main(argv: list[str] | None = None) -> int:
                         help='also apply effects of the time since the start: for the recording '
                              'that was refined, or one that began just as cold')
     arguments = parser.parse(argv)
-    keep_inputs(arguments.output, arguments.recording, arguments.model)
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import find_recording, read_recording_with_info, recorded_joints
     from friction_comp.recordings.plans import read_plan

@@ -10,7 +10,7 @@ from typing import Any
 
 from friction_comp.arm.whole_arm import ArmResult, refine_arm
 from friction_comp.errors import InputError
-from friction_comp.files import read_yaml
+from friction_comp.files import output_folder, read_yaml
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import joints_of, write_arm
 from friction_comp.recorded_drive.given import drive_of, with_current_limit
@@ -19,7 +19,7 @@ from friction_comp.recordings import read_arm
 from friction_comp.refinement import Origin
 from friction_comp.reports.refinement_overviews import arm_report
 from friction_comp.reports.refinement_report import refinement_report
-from friction_comp.results import output_folder, write_report
+from friction_comp.results import write_report
 from friction_comp.tools.common import print_results, progress
 from friction_comp.tools.refine_arguments import folder_names, given_of, summary_lines
 

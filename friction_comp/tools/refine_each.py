@@ -19,7 +19,7 @@ from typing import Any
 
 from friction_comp import __version__
 from friction_comp.errors import InputError
-from friction_comp.files import encodable, plain, to_yaml
+from friction_comp.files import encodable, output_folder, plain, to_yaml
 from friction_comp.fleet.common_model import CommonModel
 from friction_comp.fleet.population import fleet_json, Population, population_of
 from friction_comp.fleet.spread import FEWEST_UNITS
@@ -31,7 +31,7 @@ from friction_comp.recorded_drive.refine_recordings import refine_recordings, sh
 from friction_comp.recordings.condense import read_condensed
 from friction_comp.recordings.pieces import Piece, pieces_of
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.results import output_folder, to_json
+from friction_comp.results import to_json
 from friction_comp.tools.common import progress, write_results
 from friction_comp.tools.refine_arguments import folder_names, given_of, layout_of
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from friction_comp.results import output_folder, to_json
+from friction_comp.files import output_folder
+from friction_comp.results import to_json
 from friction_comp.tools.common import Arguments, progress, whole_number
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import to_yaml, write_atomically
-from friction_comp.tools.common import Arguments, keep_inputs, progress
+from friction_comp.tools.common import Arguments, progress
 from friction_comp.tools.refine_arguments import layout_of
 
 
@@ -28,8 +28,6 @@ def main(argv: list[str] | None = None) -> int:
                         help="file with limits, as MoveIt's joint_limits.yaml: positions beyond "
                         'them are refused, faster movements slowed down')
     arguments = parser.parse(argv)
-    keep_inputs(arguments.output, arguments.recording,
-                *([arguments.limits] if arguments.limits else []))
     from friction_comp.excitation.joint_limits import from_yaml
     from friction_comp.exercise.exercise_script import exercise_of
     from friction_comp.exercise.taught_exercise import teach
