@@ -4,29 +4,31 @@
 
 A spring, a ripple or friction that grows with the load is not what the links leave over: a wrong
 mass explains much of it. So each of these effects is a set of columns beside those of the links,
-whose parameters all joints share, and is added by the criterion of every search: the error of
-stretches that were not fitted. The links are linearised about the latest fit; what the URDF says of
-them is part of the sums of every stretch.
+whose parameters all joints share, and is added where the error of stretches that were not fitted
+becomes clearly smaller. The links are linearised about the latest fit; what the URDF says of them
+is part of the sums of every stretch.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+import functools
+import math
 from typing import Any
 
 import numpy as np
 
-from friction_comp.arm.solver import ArmRows, FRICTION, FRICTION_SIGNS, linearised, Prior, Sums
+from friction_comp.arm.solver import ArmRows, FRICTION, FRICTION_SIGNS, linearised, Prior
 from friction_comp.model.arm.coupling import friction_groups
 from friction_comp.model.arm.tree import PARAMETERS, Tree
-from friction_comp.model.effects import EFFECTS, ResidualView
-from friction_comp.refinement import search
+from friction_comp.model.effects import Coverage, EFFECTS, ResidualView
+from friction_comp.refinement import search, thresholds
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.effect_columns import signs_of, Table, Term
+from friction_comp.refinement.effect_columns import signs_of, Term
 from friction_comp.refinement.prepare import coverage_of
 from friction_comp.refinement.recorded_motion import standstill_speed, TRANSITIONS
-from friction_comp.refinement.search import Search
+from friction_comp.samples import Samples
 
 # Steps by which constants are changed, see `search.step_size`: a parabola gives the best.
 _STEPS = (0.5, 0.1)
@@ -44,14 +46,11 @@ class JointTerm(Term):
         return self.joint, *super().choice
 
 
-def joint_of(term: Term) -> int:
-    """Return the joint of a term of an arm."""
-    assert isinstance(term, JointTerm)
-    return term.joint
+Terms = Sequence[JointTerm]
 
 
-def columns_of(rows: ArmRows, tree: Tree, terms: Sequence[Term]
-               ) -> tuple[list[np.ndarray], dict[Term, list[int]]]:
+def columns_of(rows: ArmRows, tree: Tree, terms: Terms
+               ) -> tuple[list[np.ndarray], dict[JointTerm, list[int]]]:
     """Return the columns of terms for each joint, (N, M), and the indices of each term's columns.
 
     Load is the torque of the links of `tree`.
@@ -60,142 +59,167 @@ def columns_of(rows: ArmRows, tree: Tree, terms: Sequence[Term]
     parts: list[list[np.ndarray]] = [[np.empty((len(torques), 0))] for _ in rows.samples]
     indices = {}
     for term in terms:
-        joint = joint_of(term)
         columns = (term.group.columns(tree.joints, *rows.motion) if term.group else
-                   term.kind.matrix(rows.samples[joint].with_(rigid_body=torques[:, joint]),
-                                    term.constants))
-        first = sum(part.shape[1] for part in parts[joint])
+                   term.kind.matrix(rows.samples[term.joint].with_(
+                       rigid_body=torques[:, term.joint]), term.constants))
+        first = sum(part.shape[1] for part in parts[term.joint])
         indices[term] = list(range(first, first + columns.shape[1]))
-        parts[joint].append(columns)
+        parts[term.joint].append(columns)
     return [np.hstack(own) for own in parts], indices
 
 
-def signs_at(indices: dict[Term, list[int]], joints: int) -> np.ndarray:
+def signs_at(indices: dict[JointTerm, list[int]], joints: int) -> np.ndarray:
     """Return the required signs of each joint's friction and terms, (J, F); see `Prior.signs`."""
     rows = [list(FRICTION_SIGNS) for _ in range(joints)]
     for term, columns in indices.items():
-        rows[joint_of(term)] += signs_of(term, len(columns))
+        rows[term.joint] += signs_of(term, len(columns))
     longest = max(map(len, rows))
     return np.array([row + [0] * (longest - len(row)) for row in rows])
 
 
-class ArmTable(Table):
-    """The columns of links, of all joints' friction, and of terms, and their sums over cells.
+@dataclass(frozen=True)
+class _Sums:
+    """The sums of links, all joints' friction and some terms over cells: a joint in a stretch."""
 
-    A cell is one joint in one stretch; the columns are derivatives by the unknowns of `Prior`, as
-    differences from their means. `sums` have the columns of `indices` after those of friction, and
-    x, shape (U,), is the latest fit with any terms.
-    """
+    sums: BlockSums     # of derivatives by the unknowns of `Prior`, as differences from their means
+    always: list[int]   # columns of links and friction
+    columns: dict[JointTerm, list[int]]
+    local: dict[JointTerm, list[int]]   # the same among the columns of its joint
+    stretch: np.ndarray     # of each cell; joints follow each other in each
+    combine: np.ndarray     # see `solver.linearised`
+    products: np.ndarray    # of each joint's own columns, as of `solver.Sums.total`
+    rows: np.ndarray        # (N, J, P): the columns themselves
 
-    def __init__(self, sums: Sums, prior: Prior, x: np.ndarray, indices: dict[Term, list[int]]
-                 ) -> None:
-        stretches, joints = sums.sums.shape[:2]
-        # The unknowns are those of links and scales, and then of each joint's friction and terms.
-        base = prior.scales.stop
-        prior = replace(prior, signs=signs_at(indices, joints))
-        # The current is linear in the coefficients: at any values its derivatives are the same.
-        x = np.concatenate((x[:base], np.zeros(prior.signs.size)))
-        first = base + prior.signs.shape[1] * np.arange(joints)
-        self._always = [*range(base), *(first[:, None] + np.arange(FRICTION)).ravel().tolist()]
-        self.columns_of = {term: [int(first[joint_of(term)]) + FRICTION + k for k in columns]
-                           for term, columns in indices.items()}
-        self.transition = 0.0, 0.0
-        self.block = np.repeat(np.arange(stretches), joints)
-        self.region = np.zeros_like(self.block)
-        self._combine = linearised(prior, x)
-        self._combine[:, :, -1] += self._combine[:, :, :-1] @ (x - prior.mean)
-        gram = self._combine.transpose(0, 2, 1) @ sums.sums @ self._combine
-        diagonal = np.arange(x.size)
-        gram[:, :, diagonal, diagonal] += prior.precision / len(self.block)
-        self.sums = BlockSums(gram.reshape(-1, *gram.shape[2:]), np.ones(len(self.block)),
-                              np.concatenate((np.zeros(base, dtype=int), prior.signs.ravel())))
+    def chosen(self, terms: Terms) -> list[int]:
+        """Return the columns of a fit of links, friction and some terms."""
+        return [*self.always, *(column for term in terms for column in self.columns[term])]
 
-    def indices(self, terms: Sequence[Term], derivatives: bool = True) -> list[int]:
-        """Return the column indices of links, friction and some terms."""
-        return [*self._always, *(column for term in terms for column in self.columns_of[term])]
+    def errors(self, terms: Terms) -> np.ndarray:
+        """Return the squared errors of held-out stretches of each joint, (S, J)."""
+        return self.sums.held_out_errors(self.chosen(terms), self.stretch).reshape(
+            int(self.stretch.max()) + 1, -1)
 
-    def set_transition(self, steepness: float, shift: float) -> None:
-        """Do nothing: friction changes its sign where it does in the sums."""
-
-    def residual_of(self, columns: np.ndarray, terms: Sequence[Term]) -> np.ndarray:
-        """Return the residual of a fit of terms, A, (N, J); `columns` are those of `ArmRows`."""
-        chosen = self.indices(terms)
-        combination = (self._combine[:, :, -1]
-                       - self._combine[:, :, chosen] @ self.sums.fit(chosen))
-        return np.einsum('njp,jp->nj', columns, combination)
+    def residual(self, terms: Terms) -> np.ndarray:
+        """Return the residual of a fit of terms, A, (N, J)."""
+        chosen = self.chosen(terms)
+        combination = (self.combine[:, :, -1]
+                       - self.combine[:, :, chosen] @ self.sums.fit(chosen))
+        return np.einsum('njp,jp->nj', self.rows, combination)
 
 
-class ArmSearch(Search):
+@dataclass(frozen=True)
+class Beside:
     """A search among the effects of position and of load at all joints, from the latest fit.
 
-    An effect is an improvement where it is at one joint, and where the error of all is no larger: a
-    joint's error says nothing of the others', but the links that are fitted to it are also theirs.
+    `x` are the unknowns of that fit with any terms, `variance` the unit of each joint's error.
     """
 
-    def __init__(self, rows: ArmRows, tree: Tree, prior: Prior, x: np.ndarray,
-                 variance: np.ndarray, terms: Sequence[Term]) -> None:
-        self._rows, self._tree, self._variance = rows, tree, variance
-        self._prior, self._x = prior, x
-        torques, self._samples, self._coverage = tree.torques(*rows.motion), {}, {}
-        for joint in np.flatnonzero(rows.moves & rows.fitted.any(axis=0)).tolist():
-            samples = rows.samples[joint].with_(rigid_body=torques[:, joint])
-            self._samples[joint] = samples
-            self._coverage[joint] = coverage_of(
-                samples, rows.fitted[:, joint], standstill_speed(samples), samples)
-        self._known = dict.fromkeys(terms)
-        super().__init__(self._table(terms), [])
-        self._update_candidates(terms)
+    rows: ArmRows
+    tree: Tree
+    prior: Prior
+    x: np.ndarray
+    variance: np.ndarray
 
-    def _measured(self, terms: Sequence[Term]
-                  ) -> tuple[list[np.ndarray], Sums, dict[Term, list[int]]]:
-        """Return the columns of terms, their sums with all others, and their indices."""
-        columns, indices = columns_of(self._rows, self._tree, terms)
-        sums = self._rows.sums(columns)
-        weights = sums.variance / self._variance
-        return columns, replace(sums, sums=sums.sums * weights[:, None, None]), indices
+    def search(self, terms: Terms) -> list[JointTerm]:
+        """Return the terms to which steps lead: adding one while one helps, and removing others.
 
-    def _table(self, terms: Sequence[Term]) -> ArmTable:
-        _, sums, indices = self._measured(terms)
-        return ArmTable(sums, self._prior, self._x, indices)
+        The constants of the terms given are adjusted first: other links than those before may ask
+        for other ones.
+        """
+        chosen = self._adjusted(terms) if terms else []
+        while True:
+            offered = self._offered(chosen)
+            sums = self._sums([*chosen, *offered])
+            before = sums.errors(chosen)
+            trials = [(sums.errors([*chosen, term]), term) for term in offered]
+            trials.sort(key=lambda trial: float(trial[0].sum()))
+            best = next((term for after, term in trials if _improves(before, after)), None)
+            if best is None:
+                return self._needed(chosen)
+            grown = self._needed(self._adjusted([*chosen, best]))
+            if not self._sums(grown).errors(grown).sum() < before.sum():
+                return chosen
+            chosen = grown
 
-    def _update_candidates(self, terms: Sequence[Term]) -> None:
-        """Replace the candidates: of each choice, the proposed term that lowers the error most."""
-        self._known |= dict.fromkeys(terms)
-        columns, sums, indices = self._measured([*self._known])
-        residual = ArmTable(sums, self._prior, self._x, indices).residual_of(
-            self._rows.columns(columns), terms)
-        proposed = [term for joint in self._samples
-                    for term in self._proposals(joint, residual) if term not in self._known]
-        _, sums, indices = self._measured([*self._known, *proposed])
-        # In the sums of a joint, its terms follow all links and its own friction.
-        first = PARAMETERS * len(self._rows.samples) + FRICTION
-        columns_of = {term: [first + index for index in own] for term, own in indices.items()}
-        best: dict[Any, Term] = {}
-        for joint, products in enumerate(sums.total):
-            offered = [term for term in proposed if joint_of(term) == joint]
-            chosen = [*range(first), *(column for term in terms if joint_of(term) == joint
-                                       for column in columns_of[term])]
+    def _needed(self, terms: Terms) -> list[JointTerm]:
+        """Return the terms without those that are no improvement, the least useful first."""
+        kept, sums = list(terms), self._sums(terms)
+        while True:
+            full = sums.errors(kept)
+            without = [(sums.errors([other for other in kept if other != term]), term)
+                       for term in kept]
+            useless = [(float(errors.sum()), term) for errors, term in without
+                       if not _improves(errors, full, 1.0 if term.group else thresholds.STAYS)]
+            if not useless:
+                return kept
+            kept.remove(min(useless, key=lambda trial: trial[0])[1])
+
+    def _sums(self, terms: Terms) -> _Sums:
+        beside, indices = columns_of(self.rows, self.tree, list(dict.fromkeys(terms)))
+        measured, joints = self.rows.sums(beside), len(self.rows.samples)
+        weights = measured.variance / self.variance
+        own = measured.sums * weights[:, None, None]
+        # The unknowns are those of links and scales, and then of each joint's friction and terms.
+        base = self.prior.scales.stop
+        prior = replace(self.prior, signs=signs_at(indices, joints))
+        # The current is linear in the coefficients: at any values its derivatives are the same.
+        x = np.concatenate((self.x[:base], np.zeros(prior.signs.size)))
+        first = base + prior.signs.shape[1] * np.arange(joints)
+        combine = linearised(prior, x)
+        combine[:, :, -1] += combine[:, :, :-1] @ (x - prior.mean)
+        gram = combine.transpose(0, 2, 1) @ own @ combine
+        stretch = np.repeat(np.arange(len(own)), joints)
+        diagonal = np.arange(x.size)
+        gram[:, :, diagonal, diagonal] += prior.precision / len(stretch)
+        return _Sums(
+            BlockSums(gram.reshape(-1, *gram.shape[2:]), np.ones(len(stretch)),
+                      np.concatenate((np.zeros(base, dtype=int), prior.signs.ravel()))),
+            [*range(base), *(first[:, None] + np.arange(FRICTION)).ravel().tolist()],
+            {term: [int(first[term.joint]) + FRICTION + k for k in columns]
+             for term, columns in indices.items()},
+            {term: [PARAMETERS * joints + FRICTION + k for k in columns]
+             for term, columns in indices.items()},
+            stretch, combine, own.sum(axis=0), self.rows.columns(beside))
+
+    def _offered(self, terms: Terms) -> list[JointTerm]:
+        """Return the proposed terms: of each choice, the one that lowers the error most."""
+        residual = self._sums(terms).residual(terms)
+        taken = {term.choice for term in terms if term.kind.max_count == 1 or term.group}
+        proposed = [term for joint in self._moved for term in self._proposals(joint, residual)
+                    if term not in terms and term.choice not in taken]
+        sums, best = self._sums([*terms, *proposed]), dict[Any, JointTerm]()
+        for joint, products in enumerate(sums.products):
+            own = [term for term in proposed if term.joint == joint]
+            chosen = [*range(PARAMETERS * len(self.rows.samples) + FRICTION), *(
+                column for term in terms if term.joint == joint for column in sums.local[term])]
             reductions = search.error_reductions(
-                products, chosen, [columns_of[term] for term in offered],
-                np.zeros(len(products) - 1))
+                products, chosen, [sums.local[term] for term in own], np.zeros(len(products) - 1))
             for index in np.argsort(-reductions, kind='stable'):
-                best.setdefault(offered[index].choice, offered[index])
-        self.candidates = [*best.values()]
-        self.table = self._table([*self._known, *self.candidates])
+                best.setdefault(own[index].choice, own[index])
+        return list(best.values())
 
-    def _proposals(self, joint: int, residual: np.ndarray) -> list[Term]:
+    @functools.cached_property
+    def _moved(self) -> dict[int, tuple[Samples, Coverage]]:
+        """Samples and what they cover of each joint that moves."""
+        torques, found = self.tree.torques(*self.rows.motion), {}
+        for joint in np.flatnonzero(self.rows.moves & self.rows.fitted.any(axis=0)).tolist():
+            samples = self.rows.samples[joint].with_(rigid_body=torques[:, joint])
+            found[joint] = samples, coverage_of(
+                samples, self.rows.fitted[:, joint], standstill_speed(samples), samples)
+        return found
+
+    def _proposals(self, joint: int, residual: np.ndarray) -> list[JointTerm]:
         """Return a joint's effects of position and load, and friction shared with its neighbours.
 
         Constants are those that the residual of all joints, A, (N, J), suggests.
         """
-        samples, coverage = self._samples[joint], self._coverage[joint]
-        fitted = self._rows.fitted[:, joint]
+        (samples, coverage), fitted = self._moved[joint], self.rows.fitted[:, joint]
         part = samples.take(fitted)
         velocity = np.asarray(part.velocity)
         view = ResidualView(
             coverage, part.position, velocity, np.tanh(velocity / coverage.transition),
             residual[fitted, joint], samples.sample_time, [])
-        terms: list[Term] = [
+        terms = [
             JointTerm(kind, constants, None, joint) for kind in EFFECTS.values()
             if kind.variable in ('position', 'load') and not kind.uses_inner_load
             # The columns of the links hold all weight.
@@ -203,48 +227,51 @@ class ArmSearch(Search):
             and all((signal := getattr(samples, name)) is not None and np.isfinite(signal).all()
                     for name in kind.needs)
             for constants in kind.propose(view)]
-        moving = {self._tree.joints[j] for j in self._samples}
+        moving = {self.tree.joints[other] for other in self._moved}
         return terms + [
             JointTerm(EFFECTS['other_joints'], {}, group, joint) for group in friction_groups(
-                self._tree.joints, samples.joint,
+                self.tree.joints, samples.joint,
                 [share * coverage.speed for share in TRANSITIONS]) if group.all_joints <= moving]
 
-    def after_addition(self, terms: list[Term]) -> list[Term]:
-        """Adjust the constants of terms, and update the candidates."""
-        for size in _STEPS:
-            terms = self._adjusted(terms, size)
-        self._update_candidates(terms)
-        return terms
-
-    def _adjusted(self, terms: list[Term], size: float) -> list[Term]:
+    def _adjusted(self, terms: Terms) -> list[JointTerm]:
         """Return terms with each constant where a parabola through three values has its least."""
-        free = search.free_constants(terms)
+        chosen = list(terms)
+        for size in _STEPS:
+            free = search.free_constants(chosen)
+            sides = [[self._moved_term(chosen, index, name, step) for step in (-size, size)]
+                     for index, name in free]
+            sums = self._sums([*chosen, *(term for pair in sides for one in pair for term in one)])
+            middle, changed = sums.errors(chosen).sum(), list(chosen)
+            for (index, name), pair in zip(free, sides):
+                low, high = (sums.errors(one).sum() for one in pair)
+                bend = low + high - 2.0 * middle
+                step = 0.5 * (low - high) / bend if bend > 0.0 else 2.0 * np.sign(low - high)
+                changed[index] = self._moved_term(
+                    chosen, index, name, float(np.clip(step, -2.0, 2.0)) * size)[index]
+            if self._sums(changed).errors(changed).sum() < middle:
+                chosen = changed
+        return chosen
 
-        def moved(index: int, name: str, step: float) -> list[Term]:
-            coverage = self._coverage[joint_of(terms[index])]
-            return [search.with_step(term, name, step, coverage) if k == index else term
-                    for k, term in enumerate(terms)]
-        sides = [[moved(index, name, step) for step in (-size, size)] for index, name in free]
-        table = self._table(list(dict.fromkeys(
-            [*terms, *(term for pair in sides for trial in pair for term in trial)])))
-        middle, changed = table.error(terms), terms
-        for (index, name), pair in zip(free, sides):
-            low, high = (table.error(trial) for trial in pair)
-            bend = low + high - 2.0 * middle
-            step = 0.5 * (low - high) / bend if bend > 0.0 else 2.0 * np.sign(low - high)
-            best = moved(index, name, float(np.clip(step, -2.0, 2.0)) * size)[index]
-            changed = [best if k == index else term for k, term in enumerate(changed)]
-        table = self._table(list(dict.fromkeys([*terms, *changed])))
-        return changed if table.error(changed) < middle else terms
 
-    def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
-        """Return the squared errors of held-out stretches of each joint."""
-        errors = self.table.held_out_errors(self.table.indices(terms))
-        return list(errors.reshape(int(self.table.block.max()) + 1, -1).T)
+    def _moved_term(self, terms: Terms, index: int, name: str, step: float) -> list[JointTerm]:
+        """Return terms with a constant of one changed by some steps."""
+        changed, term = list(terms), terms[index]
+        moved = search.with_step(term, name, step, self._moved[term.joint][1])
+        changed[index] = JointTerm(moved.kind, moved.constants, moved.group, term.joint)
+        return changed
 
-    def is_improvement(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
-                       share: float = 1.0) -> bool:
-        """Return whether the errors of a joint decrease by more than chance, and their sum does."""
-        return search.total(after) < search.total(before) and any(
-            super(ArmSearch, self).is_improvement([old], [new], share)
-            for old, new in zip(before, after))
+
+def _improves(before: np.ndarray, after: np.ndarray, share: float = 1.0) -> bool:
+    """Return whether errors, (S, J), decrease: that of a joint by more than chance, and their sum.
+
+    A joint's error says nothing of the others', but the links that are fitted to it are also
+    theirs. `share` is that of the thresholds of every search.
+    """
+    if not after.sum() < before.sum():
+        return False
+    gain = before - after
+    # Relative to the error of each stretch, so that one with large errors cannot decide.
+    ratio = gain / np.maximum(before + after, 1e-300)
+    scatter = ratio.std(axis=0, ddof=1) / math.sqrt(len(ratio))
+    return bool(np.any((gain.sum(axis=0) > share * thresholds.LEAST_SHARE * before.sum(axis=0))
+                       & (ratio.mean(axis=0) > share * thresholds.STANDARD_ERRORS * scatter)))

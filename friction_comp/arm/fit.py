@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from friction_comp.arm import solver
-from friction_comp.arm.beside import ArmSearch, columns_of, signs_at
+from friction_comp.arm.beside import Beside, columns_of, JointTerm, signs_at
 from friction_comp.arm.link_inertia import Bodies
 from friction_comp.arm.solver import LinkIntervals, Prior, Sums
 from friction_comp.arm.urdf import Chain
@@ -33,7 +33,6 @@ from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
 from friction_comp.parallel import one_thread
-from friction_comp.refinement.effect_columns import Term
 from friction_comp.refinement.recorded_motion import candidate_settings
 from friction_comp.samples import Samples
 
@@ -168,7 +167,7 @@ class _Trial(NamedTuple):
 
     error: float
     settings: dict[str, Any]
-    terms: list[Term]  # beside the links
+    terms: list[JointTerm]  # beside the links
     sums: Sums
     prior: Prior
     x: np.ndarray
@@ -188,7 +187,7 @@ class _Problem:
         return (replace(self.chain.tree, parameters=self.bodies.parameters(x[:links])[0]),
                 np.exp(x[links:links + count]))
 
-    def prepared(self, settings: dict[str, Any], terms: list[Term] | None = None,
+    def prepared(self, settings: dict[str, Any], terms: list[JointTerm] | None = None,
                  tree: Tree | None = None) -> _Trial:
         """Return what a fit needs; its error is infinite if the URDF's torques have wrong signs."""
         tree, terms = tree or self.chain.tree, terms or []
@@ -204,7 +203,7 @@ class _Problem:
         error = math.inf if typical is None else 0.0
         return _Trial(error, settings, terms, sums, prior, prior.mean, tree)
 
-    def trial(self, settings: dict[str, Any], terms: list[Term] | None = None,
+    def trial(self, settings: dict[str, Any], terms: list[JointTerm] | None = None,
               tree: Tree | None = None, start: np.ndarray | None = None) -> _Trial:
         """Return a fit with its held-out error; `start` is one with the same terms."""
         trial = self.prepared(settings, terms, tree)
@@ -240,10 +239,7 @@ class _Problem:
         for _ in range(rounds):
             before = trial.terms
             links, _ = self.arm_of(trial.x)
-            search = ArmSearch(rows, links, trial.prior, trial.x, trial.sums.variance, before)
-            # Other links than those before may ask for other constants of the same effects.
-            begin = search.after_addition(before) if before else []
-            terms = search.backward(search.forward(begin))
+            terms = Beside(rows, links, trial.prior, trial.x, trial.sums.variance).search(before)
             if terms != before:
                 trial = self.trial(trial.settings, terms, links)
             if [term.choice for term in terms] == [term.choice for term in before]:
