@@ -19,7 +19,7 @@ from friction_comp.controller_effort import load_behind_gear
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
-from friction_comp.statistics import smallest_step
+from friction_comp.statistics import median, smallest_step
 
 _OPTIONAL = (
     'velocity', 'acceleration', 'load', 'temperature', 'command', 'direction',
@@ -331,7 +331,7 @@ class Samples:
         """Median time step within recordings in s."""
         steps = np.diff(self.time)[np.diff(self.recording) == 0]
         steps = steps[steps > 0]
-        return float(np.median(steps)) if steps.size else 0.0
+        return median(steps) if steps.size else 0.0
 
     @cached_property
     def position_step(self) -> float:

@@ -86,6 +86,16 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else np.nan
 
 
+def median(values: np.ndarray) -> float:
+    """Return the median of values, (N,) with N of at least 1.
+
+    The first call of numpy.median imports numpy.ma, which takes as long as a short program.
+    """
+    half = len(values) // 2
+    ordered = np.partition(values, [half - 1 + len(values) % 2, half])
+    return 0.5 * float(ordered[half - 1 + len(values) % 2] + ordered[half])
+
+
 def robust_std(values: np.ndarray, axis: int | None = None) -> Any:
     """Return the standard deviation about zero, estimated from the median of the magnitudes."""
     return 1.4826 * np.median(np.abs(values), axis=axis)

@@ -74,7 +74,7 @@ def test_what_refine_doubted_or_took_for_granted_is_said_with_the_numbers(tmp_pa
     text = exported(tmp_path, doubtful, form)
     # A table has no place for words.
     said = capsys.readouterr().out if form == 'csv' else text
-    assert 'trust in part. Motion was in one direction only.' in said
+    assert '`trust in part`: Motion was in one direction only' in said
     assert 'Taken for granted: position in rad' in said
 
 

@@ -15,7 +15,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.definitions import Coverage
-from friction_comp.model.simulator_joint import cautions_of
+from friction_comp.model.motor_check import cautions
 from friction_comp.parallel import one_thread
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import judge, refine, thresholds
@@ -64,7 +64,7 @@ def test_a_torque_behind_the_gear_holds_no_friction_and_says_so(monkeypatch, sig
     assert report.verdict == 'record again'
     assert codes(report) == {'no_friction'}
     # So does the model, where nobody has the report at hand.
-    assert 'record again. No friction shows' in cautions_of([result.model])[0]
+    assert '`record again`: No friction shows' in cautions(result.model)[0]
 
 
 @pytest.mark.parametrize('ends, found', [([-0.1, -0.01], True), ([-0.1, 0.02], False)])

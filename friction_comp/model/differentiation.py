@@ -13,6 +13,7 @@ import numpy as np
 from friction_comp.checks import check_mapping, check_number
 from friction_comp.errors import InputError
 from friction_comp.samples import Samples
+from friction_comp.statistics import median
 
 METHOD = 'zero-phase Butterworth'
 # Used if a model does not say how it was fitted.
@@ -78,7 +79,7 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         if len(time) < 3:
             continue
         step = np.diff(time)
-        if np.ptp(step) >= _UNIFORM * np.median(step):
+        if np.ptp(step) >= _UNIFORM * median(step):
             time = _increasing(_smooth(
                 _times_of(_increasing(time), samples.position[part]), samples.sample_time,
                 bandwidth))
@@ -264,7 +265,7 @@ def _derivative(values: np.ndarray, time: np.ndarray, smooth: bool = False) -> n
     Delayed samples may arrive together: a step is a quarter of the median step at least.
     """
     step = np.diff(time)
-    step = np.maximum(step, 0.25 * float(np.median(step)))
+    step = np.maximum(step, 0.25 * median(step))
     even = np.concatenate(([0.0], np.cumsum(step)))
     if smooth and len(values) > 3:
         from scipy.interpolate import CubicSpline
@@ -285,7 +286,7 @@ def _times_of(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
     were lost, even times have gaps, too.
     """
     step = np.diff(stamps)
-    usual = float(np.median(step))
+    usual = median(step)
     run = np.concatenate(([0], np.cumsum(step > _LOST * usual)))
     # A straight line through the stamps of each run, about their means.
     count, place = np.bincount(run), np.arange(len(stamps))
@@ -306,5 +307,5 @@ def _increasing(time: np.ndarray) -> np.ndarray:
     step = np.diff(time)
     if np.all(step > 0):
         return time
-    tiny = 1e-3 * float(np.median(step[step > 0])) if np.any(step > 0) else 1e-6
+    tiny = 1e-3 * median(step[step > 0]) if np.any(step > 0) else 1e-6
     return np.concatenate(([time[0]], time[0] + np.cumsum(np.maximum(step, tiny))))

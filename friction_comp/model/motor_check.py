@@ -79,6 +79,12 @@ def doubts(model: FrictionModel) -> list[str]:
     return [f'identification says: {reason}' for reason in reasons]
 
 
+def cautions(model: FrictionModel) -> list[str]:
+    """Return what speaks against the numbers of a model: doubts, and what was taken for granted."""
+    return [*doubts(model), *(f'Taken for granted: {one}' for one in model.notes.get(
+        'assumed', ()))]
+
+
 def is_to_be_recorded_again(model: FrictionModel) -> bool:
     """Return whether refinement says that the data behind a model do not support it."""
     return bool(model.notes.get('verdict') == RECORD_AGAIN)

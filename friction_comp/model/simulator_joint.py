@@ -9,7 +9,6 @@ links (weight, the rest of the arm) are left to the simulator's own bodies.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -93,17 +92,6 @@ class SimulatorJoint:
                 name: (max(low, 0.0), high) if name in _NEVER_NEGATIVE else (low, high)
                 for name, (low, high) in self.ranges.items()
                 if name not in least and (high > 0.0 or name not in _NEVER_NEGATIVE)})
-
-
-def cautions_of(models: Iterable[FrictionModel]) -> list[str]:
-    """Return the reasons of the verdicts on models, and the assumptions, that refinement stored."""
-    lines: dict[str, None] = {}
-    for model in models:
-        lines |= dict.fromkeys(f'Verdict of refine: {model.notes.get("verdict")}. {reason}'
-                               for reason in model.notes.get('reasons', ()))
-        lines |= dict.fromkeys(f'Taken for granted: {one}'
-                               for one in model.notes.get('assumed', ()))
-    return list(lines)
 
 
 def torque_per_unit(model: FrictionModel) -> float:

@@ -1,22 +1,49 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads and writes recordings: rosbag2 folders, mcap files and tables."""
+"""Reads and writes recordings: rosbag2 folders, mcap files and tables.
 
-from friction_comp.recordings.activity import Activity
-from friction_comp.recordings.joint_samples import RecordingInfo
-from friction_comp.recordings.reader import (
-    read_arm,
-    read_joints,
-    read_recording,
-    read_recording_with_info,
-    stream_recording_with_info,
-)
-from friction_comp.recordings.samples_writer import write_samples
-from friction_comp.recordings.sources import find_recording, find_recordings, recorded_joints
-from friction_comp.recordings.writer import RecordingWriter
+Names are imported when they are first used: a plan in a table needs no library for bags.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from friction_comp.recordings.activity import Activity
+    from friction_comp.recordings.joint_samples import RecordingInfo
+    from friction_comp.recordings.reader import (
+        read_arm,
+        read_joints,
+        read_recording,
+        read_recording_with_info,
+        stream_recording_with_info,
+    )
+    from friction_comp.recordings.samples_writer import write_samples
+    from friction_comp.recordings.sources import find_recording, find_recordings, recorded_joints
+    from friction_comp.recordings.writer import RecordingWriter
 
 __all__ = [
     'Activity', 'RecordingInfo', 'RecordingWriter', 'find_recording', 'find_recordings',
     'read_arm', 'read_joints', 'read_recording', 'read_recording_with_info', 'recorded_joints',
     'stream_recording_with_info', 'write_samples',
 ]
+
+_HOMES = {
+    'activity': ['Activity'], 'joint_samples': ['RecordingInfo'],
+    'reader': ['read_arm', 'read_joints', 'read_recording', 'read_recording_with_info',
+               'stream_recording_with_info'],
+    'samples_writer': ['write_samples'],
+    'sources': ['find_recording', 'find_recordings', 'recorded_joints'],
+    'writer': ['RecordingWriter']}
+
+
+def __getattr__(name: str) -> object:
+    """Import a name when it is first used (PEP 562)."""
+    for home, names in _HOMES.items():
+        if name in names:
+            value = getattr(importlib.import_module(f'{__name__}.{home}'), name)
+            globals()[name] = value
+            return value
+    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

@@ -102,12 +102,8 @@ def _write_joint(arguments: Namespace, model: FrictionModel) -> int:
 def _write_table(arguments: Namespace, model: FrictionModel) -> int:
     import numpy as np
 
-    from friction_comp.model.simulator_joint import (
-        cautions_of,
-        FrictionTable,
-        loss_of,
-        simulator_joint,
-    )
+    from friction_comp.model.motor_check import cautions
+    from friction_comp.model.simulator_joint import FrictionTable, loss_of, simulator_joint
 
     if arguments.joint and 'joints' not in read_yaml(arguments.model):
         raise InputError('--joint is the name of the joint in the file: a table has none')
@@ -119,7 +115,7 @@ def _write_table(arguments: Namespace, model: FrictionModel) -> int:
         *(','.join(f'{value:.6g}' for value in row) for row in rows)]) + '\n')
     print(f'{arguments.output}: {len(rows)} rows')
     for line in [_missed(loss_of(model, table, 'csv'), joint),
-                 *(f'Not in it: {line}' for line in joint.left_out), *cautions_of([model])]:
+                 *(f'Not in it: {line}' for line in joint.left_out), *cautions(model)]:
         print(f'  {in_own_units(line, model.is_linear)}')
     return 0
 
@@ -127,7 +123,8 @@ def _write_table(arguments: Namespace, model: FrictionModel) -> int:
 def _remarks(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) -> list[str]:
     """Return lines on origin, values, ranges and losses of a form, and what speaks against it."""
     from friction_comp.model.friction_numbers import inertia_holds
-    from friction_comp.model.simulator_joint import cautions_of, KEYS, loss_of
+    from friction_comp.model.motor_check import cautions
+    from friction_comp.model.simulator_joint import KEYS, loss_of
 
     form, unit = arguments.to, joint.unit
     lines = [f'Friction of {arguments.model}, by friction_comp {__version__}',
@@ -148,7 +145,7 @@ def _remarks(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) 
               if (key := KEYS[form].get(name)) and getattr(joint, name) is not None]
     if joint.ranges_are:
         lines.append(f'Ranges: {joint.ranges_are}')
-    lines += [*(f'Not in it: {line}' for line in joint.left_out), *cautions_of([model])]
+    lines += [*(f'Not in it: {line}' for line in joint.left_out), *cautions(model)]
     # A name may hold what would end a comment.
     return [' '.join(line.split()) for line in lines]
 

@@ -45,16 +45,18 @@ def main(argv: list[str] | None = None) -> int:
                         help='also apply effects of the time since the start: for the recording '
                              'that was refined, or one that began just as cold')
     arguments = parser.parse(argv)
-    from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import find_recording, read_recording_with_info, recorded_joints
     from friction_comp.recordings.plans import read_plan
-    from friction_comp.recordings.sources import without_topic
 
     plan = read_plan(arguments.recording, layout_of(arguments))
     if plan is not None:
         from friction_comp.tools.predict_plan import predict_plan
 
         return predict_plan(arguments, plan)
+    # A plan needs none of these.
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings import find_recording, read_recording_with_info, recorded_joints
+    from friction_comp.recordings.sources import without_topic
+
     path, layout = find_recording(arguments.recording), layout_of(arguments)
     model = FrictionModel.load(arguments.model, without_topic(path, arguments.joint))
     with progress('reading') as report:

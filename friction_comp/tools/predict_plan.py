@@ -16,7 +16,7 @@ from friction_comp.files import read_yaml, write_atomically
 from friction_comp.model.differentiation import as_recorded, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import joints_of
-from friction_comp.model.simulator_joint import cautions_of
+from friction_comp.model.motor_check import cautions
 from friction_comp.samples import Samples
 from friction_comp.units import in_own_units
 
@@ -55,7 +55,8 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
         print(f"left out, since a plan does not tell their signals: {', '.join(left_out)}")
     print(f'{arguments.output}: {len(columns["time"])} rows, '
           + ', '.join(f'{what} in {unit}' for what, unit in units.items()))
-    for line in (*beyond, *cautions_of(models.values())):
+    for line in dict.fromkeys((*beyond, *(
+            line for model in models.values() for line in cautions(model)))):
         print(f'note: {line}')
     return 0
 
