@@ -19,14 +19,13 @@ from pathlib import Path
 import re
 from typing import Any, NamedTuple
 
+from friction_comp.demo.loop import recorded, TRIALS
+from friction_comp.demo.pages import EvaluatedTrial, HandTrial, loops_figure, torque_figure
+from friction_comp.demo.to_and_fro import WAYS
 from friction_comp.note.note_report import compared
 from friction_comp.number_text import number
-from friction_comp.reports.demo_report import EvaluatedTrial, torque_figure
-from friction_comp.reports.direction_scenes import HandTrial, loops_figure
 from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import thin, to_file
-from friction_comp.tools.demo_directions import WAYS
-from friction_comp.tools.demo_loop import recorded, TRIALS
 
 ROOT = Path(__file__).resolve().parent.parent
 STORED = ROOT / 'docs' / 'figures'

@@ -10,15 +10,22 @@ from typing import Any
 from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.evaluation.conditions import Condition, Evaluation
 from friction_comp.note.experiments import ExperimentOutcome, STANDSTILLS
 from friction_comp.note.published import Experiment, EXPERIMENTS, FALSE_START
-from friction_comp.reports.figures import band, COLOURS, curve, new_figure, scatter, styled, thin
+from friction_comp.reports.figures import (
+    band,
+    COLOURS,
+    curve,
+    legend,
+    panels,
+    scatter,
+    styled,
+    zero,
+)
 from friction_comp.reports.html import Report
 
-_TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', "d = ±1, note's law"),
-           ('continuous', 'blue', 'd = ±1, continuous law'), ('inertia', 'green', 'no friction'))
-_CONFIGURATIONS = ('blue', 'green', 'orange')
+_TRIALS = (('kinetic', 'unknown', 'd = 0'), ('paper', 'other', "d = ±1, note's law"),
+           ('continuous', 'known', 'd = ±1, continuous law'), ('inertia', 'faint', 'no friction'))
 
 
 def reproduction_report(outcomes: list[ExperimentOutcome]) -> Report:
@@ -54,8 +61,8 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
     _add_table(report, outcomes)
     report.heading('Movements')
     report.figure(trial_figure(outcomes), (
-        "Trajectories and back-driving torques, mean and standard deviation of ten repetitions "
-        "(the note's Fig. 5). Dashed: the movement shown to the person."))
+        'Back-driving torques of each configuration in the positive and the negative direction, '
+        "mean and standard deviation of ten repetitions (the note's Fig. 5)."))
     _add_standstill(report, outcomes)
     _add_sources(report, outcomes)
     return report
@@ -156,63 +163,48 @@ def _add_sources(report: Report, outcomes: list[ExperimentOutcome]) -> None:
 @styled
 def breakaway_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     """Breakaway currents of every configuration, ramp by ramp."""
-    figure, axes = new_figure(1, len(outcomes), width=8.4, height=2.6, squeeze=False, x='ramp',
-                              y='breakaway (mA)')
-    for axis, outcome, colour in zip(axes[0], outcomes, _CONFIGURATIONS):
+    figure, axes = panels([f'{outcome.experiment.number} (mA)' for outcome in outcomes],
+                          'ramp', 1.2)
+    for axis, outcome in zip(axes, outcomes):
         both, records = outcome.breakaway, outcome.identified.records
         currents = 1e3 * np.abs(records.currents(1))
-        scatter(axis, np.arange(1, len(currents) + 1), currents, colour)
         mean, deviation = 1e3 * both.positive_mean, 1e3 * both.positive_std
-        axis.axhspan(mean - deviation, mean + deviation, color=COLOURS[colour], alpha=0.15)
-        axis.axhline(mean, color=COLOURS[colour])
-        axis.set_title(f'configuration {outcome.experiment.number}')
+        axis.axhspan(mean - deviation, mean + deviation, color=COLOURS['predicted'], alpha=0.15)
+        axis.axhline(mean, color=COLOURS['predicted'])
+        scatter(axis, np.arange(1, len(currents) + 1), currents)
     return figure
 
 
 @styled
 def friction_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     """Fig. 4: look-up table, fit and breakaway of every configuration."""
-    figure, axes = new_figure(height=4.2, x='joint velocity (deg/s)', y='motor current (mA)')
+    figure, axes = panels([f'{outcome.experiment.number} (mA)' for outcome in outcomes],
+                          'joint velocity (deg/s)', 1.8)
     fine = np.linspace(-105.0, 105.0, 1001)
-    for outcome, colour in zip(outcomes, _CONFIGURATIONS):
+    for axis, outcome in zip(axes, outcomes):
         speeds, currents = outcome.identified.speeds, outcome.identified.currents
-        curve(axes, np.degrees(speeds), 1e3 * currents, colour,
-              f'configuration {outcome.experiment.number}', 'o', markersize=3.5)
-        curve(axes, fine, 1e3 * outcome.model.sigmoid(np.radians(fine)), colour, linewidth=1.0)
+        curve(axis, fine, 1e3 * outcome.model.sigmoid(np.radians(fine)), 'predicted', 'Eq. 6')
+        curve(axis, np.degrees(speeds), 1e3 * currents, 'measured', 'table', 'o', markersize=3.5)
         both = outcome.breakaway
-        axes.errorbar(
+        axis.errorbar(
             [0.0, 0.0], [1e3 * both.positive_mean, 1e3 * both.negative_mean],
             [1e3 * both.positive_std, 1e3 * both.negative_std], fmt='_', markersize=14,
-            color=COLOURS[colour], capsize=3)
-    axes.legend(loc='upper left')
+            color=COLOURS['measured'], capsize=3, label='breakaway')
+    legend(axes[0])
     return figure
 
 
 @styled
 def trial_figure(outcomes: list[ExperimentOutcome]) -> Figure:
-    """Fig. 5: trajectories and back-driving torques, mean and standard deviation."""
-    figure, rows = new_figure(
-        len(outcomes) + 1, 2, height=2.3, sharex='col', x='time since the movement began (s)',
-        y=['position (deg)'] + ['τ$_b$ (N·m)'] * len(outcomes))
-    for column, name in zip(rows.T, ('positive', 'negative')):
-        column[0].set_title(f'{name} direction')
-        for axes, outcome, colour in zip(column[1:], outcomes, _CONFIGURATIONS):
-            title = f'configuration {outcome.experiment.number}'
-            shown = _condition(outcome.trials['continuous'], name)
-            if shown.reference is not None:
-                time, reference = thin(shown.time, np.degrees(shown.reference))
-                curve(column[0], time, reference, 'grey', style='--', linewidth=1.0)
-            band(column[0], shown.time, np.degrees(shown.position),
-                 np.degrees(shown.position_std), colour, title)
-            for trial, own_colour, label in _TRIALS:
-                condition = _condition(outcome.trials[trial], name)
-                band(axes, condition.time, condition.torque, condition.torque_std, own_colour,
-                     label)
-            axes.set_title(title)
-    rows[0][0].legend()
-    rows[1][0].legend(fontsize=7.5)
+    """Fig. 5: back-driving torques, mean and standard deviation, in both directions."""
+    rows = [(outcome, name) for outcome in outcomes for name in ('positive', 'negative')]
+    figure, axes = panels(
+        [f'{outcome.experiment.number} {"+" if name == "positive" else "−"} (N·m)'
+         for outcome, name in rows], 'time since the movement began (s)', 1.5, legend_rows=2)
+    for axis, (outcome, name) in zip(axes, rows):
+        for trial, colour, label in _TRIALS:
+            condition = next(c for c in outcome.trials[trial].conditions if c.movement == name)
+            band(axis, condition.time, condition.torque, condition.torque_std, colour, label)
+        zero(axis)
+    legend(axes[0], 2)
     return figure
-
-
-def _condition(trial: Evaluation, name: str) -> Condition:
-    return next(c for c in trial.conditions if c.movement == name)

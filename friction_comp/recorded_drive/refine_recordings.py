@@ -25,9 +25,9 @@ def refine_to_folder(given: Given, paths: Sequence[Path], output: Path, command:
     """Refine a model; write report.json, report.html with the command, and model.yaml."""
     result = refine_recordings(given, paths, show)
     show(0.9, 'writing')
-    from friction_comp.reports.refinement_report import refinement_report
+    from friction_comp.reports.refinement_page import refinement_page
 
-    page = refinement_report(result, list(map(str, paths)))
+    page = refinement_page(result, list(map(str, paths)), output)
     with output_folder(output) as folder:
         write_report(folder, result.content(), page, command)
         result.model.save(folder / 'model.yaml')

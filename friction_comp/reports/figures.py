@@ -1,6 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One style for all figures, legible on paper and on light and dark pages."""
+"""One style for all figures: panels one above the other, legible on a phone and on any page.
+
+A colour has one meaning on all pages, and colours differ for people of any colour vision; lines
+that may touch also differ in their strokes.
+"""
 
 from __future__ import annotations
 
@@ -10,40 +14,46 @@ import io
 import re
 from typing import Any, ParamSpec, TypeVar
 
-from cycler import cycler
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 import numpy as np
+
+from friction_comp.units import in_own_units
 
 P = ParamSpec('P')
 T = TypeVar('T')
 
-# Distinguishable with any colour vision, and legible on white and near-black.
+# From the palettes of Okabe and Ito (2008), legible on white and near-black.
 COLOURS = {
-    'blue': '#2a86c8', 'orange': '#dd6b12', 'green': '#0f9d76', 'pink': '#c96ba6',
-    'violet': '#8474d6', 'grey': '#87909a', 'red': '#d2454f', 'yellow': '#c39b12',
-}
+    'measured': '#7a8491', 'predicted': '#0b78c2', 'before': '#9a6fc4',
+    'no help': '#d55e00', 'unknown': '#c9609a', 'known': '#009e73', 'other': '#b8860b',
+    'refined': '#3f7fbf', 'out': '#d2454f', 'faint': '#9aa5b1'}
+"""What a colour stands for: measured and predicted values, the friction curve alone (or the model
+given); no help, help without and with a known direction, with another law or model."""
 # Placeholder for the page's text colour, which replaces it in the SVG.
 INK = '#1a2b3d'
+WIDTH = 6.6
+"""Width of every figure, inches."""
+# Inches around the panels, and between two that share their axis of x, or not.
+_LEFT, _RIGHT, _TOP, _BOTTOM, _SHARED, _APART = 0.72, 0.12, 0.34, 0.5, 0.16, 0.72
 _MOST_DOTS, _MOST_MARKERS = 6000, 1500
 # Stretches of a long curve, each drawn with its lowest and highest point: two for each pixel.
 _STRETCHES = 1000
 
 _STYLE: dict[Any, Any] = {
-    'axes.prop_cycle': cycler(color=list(COLOURS.values())),
     'axes.edgecolor': INK, 'axes.labelcolor': INK, 'axes.titlecolor': INK,
     'text.color': INK, 'xtick.color': INK, 'ytick.color': INK,
     'axes.facecolor': 'none', 'figure.facecolor': 'none', 'savefig.facecolor': 'none',
     'axes.spines.top': False, 'axes.spines.right': False, 'axes.linewidth': 0.8,
-    'axes.titlesize': 10.5, 'axes.titleweight': 'bold', 'axes.titlelocation': 'left',
-    'axes.labelsize': 9.5, 'xtick.labelsize': 8.5, 'ytick.labelsize': 8.5, 'font.size': 9.5,
-    'axes.grid': True, 'grid.color': COLOURS['grey'], 'grid.alpha': 0.25, 'grid.linewidth': 0.6,
-    'axes.axisbelow': True, 'lines.linewidth': 1.5, 'legend.frameon': False,
-    'legend.fontsize': 8.5, 'font.family': ['DejaVu Sans'], 'svg.fonttype': 'path',
+    'axes.titlesize': 10, 'axes.titleweight': 'bold', 'axes.titlelocation': 'left',
+    'axes.labelsize': 10, 'xtick.labelsize': 9, 'ytick.labelsize': 9, 'font.size': 10,
+    'axes.grid': True, 'grid.color': COLOURS['faint'], 'grid.alpha': 0.3, 'grid.linewidth': 0.6,
+    'axes.axisbelow': True, 'lines.linewidth': 1.6, 'legend.frameon': False,
+    'legend.fontsize': 9, 'font.family': ['DejaVu Sans'], 'svg.fonttype': 'none',
     'figure.dpi': 100, 'mathtext.default': 'regular', 'axes.formatter.useoffset': False,
     'axes.formatter.limits': (-4, 5), 'axes.formatter.min_exponent': 4,
 }
@@ -59,21 +69,36 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 
 @styled
-def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: float = 3.0,
-               x: str = '', y: str | Sequence[str] = '', **options: Any) -> tuple[Figure, Any]:
-    """Create a figure with a grid of axes, an ndarray of them where there are several.
+def panels(labels: Sequence[str], x: str | Sequence[str] = '', heights: float | Sequence[float] = 2,
+           left: float = _LEFT, legend_rows: int = 1) -> tuple[Figure, list[Axes]]:
+    """Create a figure with a panel for each label of an axis of y, one above the other.
 
-    `width` is that of the figure and `height` that of one row, inches; `x` labels the lowest axes,
-    `y` those on the left, all or row by row; `options` are those of ``Figure.subplots``.
+    They share the axis of x if `x` is one label. `heights` are of the panels, inches, `left` the
+    room for labels at the left, `legend_rows` the number of rows of the legend above.
     """
-    figure = Figure(figsize=(width, height * rows), layout='constrained')
+    count, shared = len(labels), isinstance(x, str)
+    sizes = [float(heights)] * count if isinstance(heights, (int, float)) else list(heights)
+    gap = _SHARED if shared else _APART
+    above = _TOP + 0.19 * (legend_rows - 1)
+    height = above + sum(sizes) + gap * (count - 1) + _BOTTOM
+    # Places are known: Matplotlib's layout engine would take half of the time of a page.
+    figure = Figure(figsize=(WIDTH, height))
     FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, columns, **options)
-    grid = np.reshape(axes, (rows, columns))
-    for lowest in grid[-1]:
-        lowest.set_xlabel(x)
-    for leftmost, label in zip(grid[:, 0], [y] * rows if isinstance(y, str) else y):
-        leftmost.set_ylabel(label)
+    axes: list[Axes] = []
+    top = height - above
+    for k, (label, size) in enumerate(zip(labels, sizes)):
+        place = (left / WIDTH, (top - size) / height, 1.0 - (left + _RIGHT) / WIDTH, size / height)
+        panel = figure.add_axes(place, sharex=axes[0] if axes and shared else None)
+        panel.set_ylabel(label)
+        last = k == count - 1
+        if shared:
+            panel.tick_params(labelbottom=last)
+            panel.set_xlabel(str(x) if last else '')
+        else:
+            panel.set_xlabel(x[k])
+        axes.append(panel)
+        top -= size + gap
+    figure.align_ylabels(axes)
     return figure, axes
 
 
@@ -83,13 +108,34 @@ def curve(axes: Axes, x: Any, y: Any, colour: str, label: str | None = None, sty
     axes.plot(x, y, style, color=COLOURS[colour], label=label, **options)
 
 
+def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = 'measured',
+            label: str | None = None) -> None:
+    """Draw measured points as small dots, a random sample where there are too many."""
+    if len(x) > _MOST_DOTS:
+        chosen = np.sort(np.random.default_rng(0).choice(len(x), _MOST_DOTS, replace=False))
+        x, y = x[chosen], y[chosen]
+    curve(axes, x, y, colour, label, '.', markersize=3.4, alpha=0.6, markeredgewidth=0, zorder=3,
+          rasterized=len(x) > _MOST_MARKERS)
+
+
 def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour: str,
-         label: str) -> None:
+         label: str, style: str = '-') -> None:
     """Draw a mean and a band around it, of half width `spread`, in a colour of COLOURS."""
     x, mean, spread = thin(x, mean, spread)
     axes.fill_between(
-        x, mean - spread, mean + spread, color=COLOURS[colour], alpha=0.22, linewidth=0)
-    curve(axes, x, mean, colour, label)
+        x, mean - spread, mean + spread, color=COLOURS[colour], alpha=0.2, linewidth=0)
+    curve(axes, x, mean, colour, label, style)
+
+
+def zero(axes: Axes) -> None:
+    """Draw the line of zero."""
+    axes.axhline(0.0, color=COLOURS['faint'], linewidth=0.8)
+
+
+def legend(axes: Axes, columns: int = 3) -> None:
+    """Put the legend above a panel, where it covers nothing."""
+    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2,
+                handlelength=1.6, columnspacing=1.2, handletextpad=0.5)
 
 
 def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndarray, ...]:
@@ -112,48 +158,26 @@ def thin_extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return x[indices], y[indices]
 
 
-def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | None = None
-            ) -> None:
-    """Draw measured points as small dots, a random sample where there are too many."""
-    if len(x) > _MOST_DOTS:
-        chosen = np.sort(np.random.default_rng(0).choice(len(x), _MOST_DOTS, replace=False))
-        x, y = x[chosen], y[chosen]
-    curve(axes, x, y, colour, label, '.', markersize=3.0, alpha=0.45, markeredgewidth=0,
-          rasterized=True)
-
-
-def legend_below(figure: Figure, columns: int, *shown: Any) -> None:
-    """Put the legend of all axes, or what is given as handles and labels, below them."""
-    legend = figure.legend(*shown, loc='lower center', ncols=columns)
-    height = legend.get_window_extent(FigureCanvasAgg(figure).get_renderer()).height
-    low = 1.1 * height / figure.bbox.height
-    engine = figure.get_layout_engine()
-    if isinstance(engine, ConstrainedLayoutEngine):
-        # Matplotlib's 'outside lower center' does the same, from 3.7 on; Jazzy's Ubuntu has 3.6.
-        engine.set(rect=(0.0, low, 1.0, 1.0 - low))
+def shade_directions(axes: Axes, time: np.ndarray, direction: np.ndarray) -> None:
+    """Mark the times, (N,), at which a direction is announced: above positive, below negative."""
+    for sign, (low, high) in ((1, (0.94, 1.0)), (-1, (0.0, 0.06))):
+        axes.fill_between(time, low, high, where=direction == sign, alpha=0.7,
+                          color=COLOURS['known'], linewidth=0,
+                          transform=axes.get_xaxis_transform(),
+                          label='direction announced: + above, − below' if sign > 0 else None)
 
 
 def to_svg(figure: Figure) -> str:
     """Return a figure as SVG in the page's text colour, without external files or scripts."""
     stream = io.StringIO()
     with mpl.rc_context({**_STYLE, 'svg.hashsalt': 'friction_comp'}):
-        # Run the layout engine once: otherwise saving draws twice.
-        engine = figure.get_layout_engine()
-        if engine is not None:
-            engine.execute(figure)
-            figure.set_layout_engine(None)
         figure.savefig(stream, dpi=160, format='svg', metadata={'Date': None, 'Creator': None})
     text = stream.getvalue()
     text = re.sub(r'<metadata>.*?</metadata>\s*', '', text[text.index('<svg'):], flags=re.DOTALL)
-    return text.replace(INK, 'currentColor')
-
-
-def shade_directions(axes: Axes, time: np.ndarray, direction: np.ndarray) -> None:
-    """Shade the times, (N,), at which a direction is announced: blue positive, orange negative."""
-    for sign, colour in ((1, 'blue'), (-1, 'orange')):
-        axes.fill_between(time, 0, 1, where=direction == sign, alpha=0.15, color=COLOURS[colour],
-                          linewidth=0, transform=axes.get_xaxis_transform(),
-                          label=f'announced: {sign:+d}')
+    # A thousandth of a point is finer than any screen.
+    text = re.sub(r'([ML] -?\d+\.\d{3})\d*( -?\d+\.\d{3})\d*', r'\1\2', text)
+    return text.replace(INK, 'currentColor').replace(
+        "'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
 
 
 def to_file(figure: Figure, title: str, description: str) -> str:
@@ -170,19 +194,19 @@ def to_file(figure: Figure, title: str, description: str) -> str:
 </style>{text[start:]}"""
 
 
-def for_page(figure: Figure) -> tuple[str, str]:
-    """Return a figure as SVG for a page, and a note on curves that are thinned out."""
-    longest = max((_lighten(line) for axes in figure.axes for line in _curves(axes)), default=0)
-    # A thousandth of a point is finer than any screen.
-    text = re.sub(r'([ML] -?\d+\.\d{3})\d*( -?\d+\.\d{3})\d*', r'\1\2', to_svg(figure))
+def for_page(figure: Figure, linear: bool = False) -> tuple[str, str]:
+    """Return a figure as SVG for a page, and a note on curves that are thinned out.
+
+    The figure of a `linear` axis gets its units.
+    """
+    if linear:
+        for text in figure.findobj(Text):
+            text.set_text(in_own_units(text.get_text(), True))
+    longest = max((_lighten(line) for axes in figure.axes for line in axes.lines
+                   if line.get_transform() is axes.transData), default=0)
     note = (f' Curves have up to {longest} points: the lowest and highest of each of {_STRETCHES} '
             'stretches are drawn.') if longest > 2 * _STRETCHES else ''
-    return text, note
-
-
-def _curves(axes: Axes) -> list[Line2D]:
-    """Return the lines with data, without those from ``axhline`` and ``axvline``."""
-    return [line for line in axes.lines if line.get_transform() is axes.transData]
+    return to_svg(figure), note
 
 
 def _lighten(line: Line2D) -> int:

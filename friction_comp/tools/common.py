@@ -210,11 +210,11 @@ def write_results(arguments: Namespace, content: dict[str, Any], page: Page,
 
 def print_results(arguments: Namespace, content: dict[str, Any], lines: Iterable[str],
                   made: str = 'report.html') -> int:
-    """Print lines and the path of the file that was made, or with --json the report; return 0."""
+    """Print lines and the path of a file that was made, or with --json the report; return 0."""
     if getattr(arguments, 'json', False):
         print(to_json(content), end='')
     else:
-        print(*lines, arguments.output / made, sep='\n')
+        print(*lines, *([arguments.output / made] if made else []), sep='\n')
     return 0
 
 

@@ -39,11 +39,11 @@ def main(argv: list[str] | None = None) -> int:
     check_folder(arguments.output)
     with private_domain():
         # Importing ROS 2 may restart Python, so it comes first.
+        from friction_comp.demo.exercises import play_arm, play_two_joints
+        from friction_comp.demo.loop import play_loop
+        from friction_comp.demo.system import open_system
+        from friction_comp.demo.to_and_fro import play_to_and_fro
         import friction_comp.ros.tool_client  # noqa: F401
-        from friction_comp.tools.demo_directions import play_to_and_fro
-        from friction_comp.tools.demo_loop import play_loop
-        from friction_comp.tools.demo_scenes import play_arm, play_two_joints
-        from friction_comp.tools.demo_system import open_system
 
         play = {'loop': play_loop, 'two_joints': play_two_joints, 'arm': play_arm,
                 'to_and_fro': play_to_and_fro}[arguments.scene]

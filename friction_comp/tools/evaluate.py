@@ -28,18 +28,17 @@ def main(argv: list[str] | None = None) -> int:
             arguments.recordings, arguments.joint, layout_of(arguments), arguments.model,
             lambda share: report(0.9 * share))
         report(0.9, 'writing')
-        from friction_comp.reports.evaluation_report import evaluation_report
-        from friction_comp.reports.evaluation_words import condition_line, summary
+        from friction_comp.reports.evaluation_page import evaluation_page
+        from friction_comp.reports.evaluation_words import terminal_lines
 
         content = evaluations[0].as_dict()
         if len(evaluations) > 1:
             content['joints'] = [evaluation.as_dict() for evaluation in evaluations]
-        write_results(arguments, content, evaluation_report(evaluations),
+        write_results(arguments, content, evaluation_page(evaluations),
                       files={'repetitions.csv': repetitions_csv(evaluations)})
     lines = []
     for evaluation in evaluations:
         lines += [f'{evaluation.joint}:'] * (len(evaluations) > 1)
-        lines += [*map(condition_line, evaluation.conditions),
-                  summary(evaluation).replace('**', '').replace('`', '')]
+        lines += terminal_lines(evaluation)
     lines += [note for note in evaluations[0].notes if note.startswith('left out: ')]
     return print_results(arguments, content, lines)

@@ -63,7 +63,7 @@ def main(argv: list[str] | None = None) -> int:
 
     from friction_comp.excitation.plan import plan_joint, staircase, trajectory_of
     from friction_comp.excitation.separation import coverage_within, separations
-    from friction_comp.reports.excitation_report import excitation_report
+    from friction_comp.reports.small_pages import excitation_page
 
     if arguments.effort is not None and arguments.model is None:
         raise InputError('--effort needs --model, which predicts the effort of a motion')
@@ -92,7 +92,7 @@ def main(argv: list[str] | None = None) -> int:
                        'staircase': other['staircase of speeds'][pair]}
                        for pair, share in plan.separation.items()]}
                    for plan, other in zip(plans, others)]}
-    write_results(arguments, content, excitation_report(plans, others), files={
+    write_results(arguments, content, excitation_page(plans, others), files={
         'trajectory.yaml': trajectory_of(plans, arguments.rate).to_yaml(
             f'Planned by friction_comp {__version__}; {checked}')})
     lines = []

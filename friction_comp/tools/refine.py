@@ -9,7 +9,7 @@ from pathlib import Path
 
 from friction_comp.errors import InputError
 from friction_comp.tools.common import Arguments, positive, print_results, progress
-from friction_comp.tools.refine_arguments import check_tables, given_of, summary_lines
+from friction_comp.tools.refine_arguments import check_tables, given_of
 from friction_comp.units import in_own_units, signal_with_unit
 
 
@@ -68,8 +68,11 @@ def main(argv: list[str] | None = None) -> int:
     with progress('reading') as show:
         result = refine_to_folder(given_of(arguments), arguments.recordings, arguments.output,
                                   arguments.command, show)
+    from friction_comp.reports.refinement_words import terminal_lines
+
+    names = [str(path) for path in arguments.recordings]
     return print_results(arguments, result.content(), in_own_units(
-        summary_lines(result.report), result.model.is_linear))
+        terminal_lines(result, names, arguments.output), result.model.is_linear), made='')
 
 
 def _check_together(arguments: Namespace) -> None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Iterable
 import re
-from typing import TYPE_CHECKING
 
 from friction_comp.checks import check_number
 from friction_comp.column_values import read_pairs
@@ -17,9 +16,6 @@ from friction_comp.files import file_names
 from friction_comp.layout import Layout
 from friction_comp.recorded_drive.given import Given
 from friction_comp.used_columns import Column
-
-if TYPE_CHECKING:
-    from friction_comp.refinement import RefinementReport
 
 OF_TABLE = ('columns', 'unit', 'rate', 'stiffness', 'damping')
 """Arguments that tell how the columns of a table are read."""
@@ -84,36 +80,3 @@ def folder_names(names: Iterable[str]) -> list[str]:
     """Return a different name of a folder for each name of a joint or recording."""
     return file_names(re.sub(r'[^\w./-]', '_', name).strip('/').lstrip('.') or '_'
                       for name in names)
-
-
-def summary_lines(report: RefinementReport) -> list[str]:
-    """Return the report of a refinement in a few lines."""
-    from friction_comp.number_text import number, quantity
-    from friction_comp.reports.friction_words import number_lines
-
-    unit, before, after = report.unit, report.before, report.after
-    lines = ['friction in sliding, with 95 % intervals:']
-    lines += [f'  {line}' for line in number_lines(report.friction)]
-    lines.append(report.friction.formula)
-    lines += [f'taken for granted: {line}' for line in report.assumed]
-    lines.append(f'verdict: {report.verdict}')
-    lines += [f'  {line}' for line in report.reasons]
-    lines += [f'  record: {line}' for line in report.record_again]
-    lines.append(f'before: {quantity(before.held_out_rmse, unit)} RMS on data not fitted '
-                 f'({before.model})')
-    lines += [f'  + {effect.name} ({effect.variable}): {quantity(effect.held_out_rmse, unit)}   '
-              f'{effect.in_words} (chosen in {100 * effect.chosen:.0f} % of the searches)'
-              for effect in report.effects]
-    if not report.effects:
-        lines.append('  no effect beyond the model shows in the recordings')
-    lines += [f'after:  {quantity(after.held_out_rmse, unit)} RMS on data not fitted; noise floor '
-              f'{quantity(report.noise_floor, unit)}',
-              f'        {quantity(after.worst_part_rmse, unit)} in the worst part; to expect '
-              f'elsewhere: {quantity(after.elsewhere_motion_rmse, unit)} in motion, '
-              f'{quantity(after.elsewhere_rmse, unit)} with standstill, where friction is whatever '
-              'holds the joint']
-    lines += [f'unexplained: {entry.variable} ({number(entry.strength)} of the remaining variance)'
-              for entry in report.unexplained]
-    lines += [f'ambiguous: {question.variables}: {question.why}'
-              for question in report.ambiguous]
-    return lines + [f'note: {line}' for line in report.warnings]

@@ -17,11 +17,12 @@ from friction_comp.recorded_drive.given import drive_of, with_current_limit
 from friction_comp.recorded_drive.refine_recordings import assumed_in, notes_on, showing_friction
 from friction_comp.recordings import read_arm
 from friction_comp.refinement import Origin
-from friction_comp.reports.refinement_overviews import arm_report
-from friction_comp.reports.refinement_report import refinement_report
+from friction_comp.reports.fleet_page import arm_page
+from friction_comp.reports.refinement_page import refinement_page
+from friction_comp.reports.refinement_words import summary_lines
 from friction_comp.results import write_report
 from friction_comp.tools.common import print_results, progress
-from friction_comp.tools.refine_arguments import folder_names, given_of, summary_lines
+from friction_comp.tools.refine_arguments import folder_names, given_of
 
 
 def refine_whole_arm(arguments: Namespace) -> int:
@@ -94,16 +95,17 @@ def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespa
     arm, joint, command = result.report(), arguments.joint, arguments.command
     folders = {name: folder if joint else folder / own
                for name, own in zip(result.results, folder_names(result.results))}
+    shown = {name: arguments.output / own.relative_to(folder) for name, own in folders.items()}
     for name, one in result.results.items():
         folders[name].mkdir(exist_ok=True)
         own = {**one.report.content(), 'arm': arm} if joint else one.report.content()
-        write_report(folders[name], own, refinement_report(one, names), command)
+        write_report(folders[name], own, refinement_page(one, names, shown[name]), command)
         one.model.save(folders[name] / 'model.yaml')
     if joint:
         return own
     whole = {'unit': next(iter(result.results.values())).report.unit, 'arm': arm,
              'joints': {name: one.report.content() for name, one in result.results.items()}}
-    write_report(folder, whole, arm_report(
+    write_report(folder, whole, arm_page(
         result, names, {name: own.name for name, own in folders.items()}), command)
     write_arm(folder / 'model.yaml', {name: one.model for name, one in result.results.items()})
     return whole

@@ -48,6 +48,17 @@ _REFINING = 0.9
 
 
 @dataclass(frozen=True)
+class _Item:
+    """A joint of a recording, and the folder of its results."""
+
+    piece: Piece
+    folder: Path
+
+    def __str__(self) -> str:
+        return str(self.piece)
+
+
+@dataclass(frozen=True)
 class _Refined:
     """One joint of one recording that was refined."""
 
@@ -87,7 +98,7 @@ def refine_each(arguments: Namespace) -> int:
     """
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
-    from friction_comp.reports.refinement_overviews import each_report
+    from friction_comp.reports.fleet_page import each_page
 
     begin = time.monotonic()
     populations: list[Population] = []
@@ -112,7 +123,7 @@ def refine_each(arguments: Namespace) -> int:
             'out': {population.joint: population.out for population in populations},
             'seconds': time.monotonic() - begin}
         if batch.done:
-            write_results(arguments, content, each_report(content, populations),
+            write_results(arguments, content, each_page(content, populations),
                           files=_files_of(populations))
     if arguments.json:
         print(to_json(content), end='')
@@ -150,11 +161,12 @@ def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch,
     waiting = [index for index in range(len(pieces)) if index not in batch.done]
     # The names of all recordings need not go to each process with each recording.
     own = Namespace(**{**vars(arguments), 'recordings': []})
-    work: Callable[[Piece], Any] = partial(_refine_one, own, len(pieces) <= MOST_PAGES)
+    work: Callable[[_Item], Any] = partial(_refine_one, own, len(pieces) <= MOST_PAGES)
     if len(pieces) > 1:
         # One that cannot be used must not lose the others, even if it is the last to be done.
         work = partial(attempt, work)
-    with closing(run(work, [pieces[index] for index in waiting])) as outcomes:
+    items = [_Item(pieces[index], arguments.output / folders[index]) for index in waiting]
+    with closing(run(work, items)) as outcomes:
         for done, (number, outcome) in enumerate(outcomes, len(batch.done) + 1):
             index = waiting[number]
             if isinstance(outcome, Failure):
@@ -185,17 +197,17 @@ def _folders(pieces: Sequence[Piece], places: Sequence[tuple[str, ...]]) -> list
         for piece, place in zip(pieces, places))
 
 
-def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
+def _refine_one(arguments: Namespace, with_page: bool, item: _Item
                 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, str]]:
     """Refine a joint of a recording; return its row of the page on all, its model and its files."""
-    begin = time.monotonic()
+    begin, piece = time.monotonic(), item.piece
     result = refine_recordings(replace(given_of(arguments), joint=piece.joint), [piece.path])
     report, model = result.content(), result.model.to_dict()
     files = {'report.json': to_json(report), 'model.yaml': to_yaml(model)}
     if with_page:
-        from friction_comp.reports.refinement_report import refinement_report
+        from friction_comp.reports.refinement_page import refinement_page
 
-        page = refinement_report(result, [str(piece.path)])
+        page = refinement_page(result, [str(piece.path)], item.folder)
         page.made_by(arguments.command)
         files['report.html'] = page.html()
     row = {
@@ -289,8 +301,7 @@ def _write(path: Path, files: dict[str, str]) -> None:
 
 def _print(content: dict[str, Any], populations: Sequence[Population]) -> None:
     from friction_comp.number_text import number
-    from friction_comp.reports.fleet_report import fleet_verdict
-    from friction_comp.reports.refinement_overviews import verdict
+    from friction_comp.reports.fleet_page import fleet_verdict, verdict
 
     print(verdict(content).replace('**', ''))
     for population in populations:

@@ -19,7 +19,7 @@ from friction_comp.recordings.row_groups import column_of_joints
 from friction_comp.recordings.table_base import Table
 from friction_comp.recordings.table_files import open_table
 from friction_comp.refinement import thresholds
-from friction_comp.reports.steady_state_report import steady_state_report, value_rows
+from friction_comp.reports.small_pages import steady_state_page, steady_state_rows
 from friction_comp.statistics import rms
 from friction_comp.tools.common import print_results, write_results
 from friction_comp.tools.refine_arguments import given_of
@@ -63,9 +63,10 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
              and read_name(name).signal in ('load', 'link_torque')]
     report = in_own_units(_report(fit, unit, loads), linear)
     report['warnings'] += table.notes
-    page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])
+    page = steady_state_page(report, fit.model, fit.speeds, fit.currents, [str(path)])
     write_results(arguments, report, page, fit.model)
-    rows = [f'  {name:<28}{value}  ({interval})' for name, value, interval in value_rows(report)]
+    rows = [f'  {name:<28}{value}  {interval}'
+            for _, name, value, interval in steady_state_rows(report)]
     return print_results(arguments, report, [
         'friction at constant speeds, with 95 % intervals:', *in_own_units(rows, linear),
         f"verdict: {report['verdict']}",

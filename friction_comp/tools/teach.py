@@ -33,7 +33,7 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.exercise.taught_exercise import teach
     from friction_comp.recordings import find_recording, read_arm
     from friction_comp.reports.figures import to_svg
-    from friction_comp.reports.taught_figure import taught_figure
+    from friction_comp.reports.small_pages import taught_figure
 
     with progress('reading') as report:
         arm = read_arm(find_recording(arguments.recording), progress=report,

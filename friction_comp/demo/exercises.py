@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Further scenes of the tool ``demo``: two joints, and an arm."""
+"""Scenes of the demo with several joints: an exercise with reversals, and an arm."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import importlib.util
 from pathlib import Path
 
 from friction_comp.arm.whole_arm import refine_arm
+from friction_comp.demo import pages
+from friction_comp.demo.system import DemoSystem
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.exercise.exercise_script import load_exercise
@@ -16,11 +18,10 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
-from friction_comp.reports import scene_reports as pages
-from friction_comp.reports.evaluation_words import compared_peaks
+from friction_comp.reports.evaluation_page import evaluation_page
+from friction_comp.reports.evaluation_words import peaks_of
 from friction_comp.samples import Samples
 from friction_comp.tools.common import progress
-from friction_comp.tools.demo_system import DemoSystem
 from friction_comp.tools.teach import main as teach
 
 # Joints of the arm, with the note's configuration whose drive they have.
@@ -47,12 +48,15 @@ def play_two_joints(system: DemoSystem) -> None:
     gains = {joint: FrictionModel.load(path).drive.torque_per_current
              for joint, path in zip(joints, models)}
     shown = _recorded_joints(system.recording('continuous'), gains)
-    peaks = {one.joint: compared_peaks(one) or ('–', '–') for one in evaluations}
+    page = evaluation_page(evaluations, f'Two joints that reverse on the way: {exercise.stem}')
+    page.heading('The exercise')
+    page.figure(pages.exercise_figure(shown), 'Positions shown to the person (broken) and of the '
+                'joints, and announced directions.')
+    compared = {one.joint: peaks_of(one) for one in evaluations}
     system.finish(
-        pages.two_joints_report(evaluations, shown, exercise),
-        {'joints': [one.as_dict() for one in evaluations]},
-        *(f'{joint}: peak {before} N·m with kinetic friction only, {after} N·m with the direction '
-          'announced' for joint, (before, after) in peaks.items()))
+        page, {'joints': [one.as_dict() for one in evaluations]},
+        *(f'{joint}: peak {peaks.torques[0]} N·m with kinetic friction only, {peaks.torques[1]} '
+          'N·m with the direction announced' for joint, peaks in compared.items() if peaks))
 
 
 def play_arm(system: DemoSystem) -> None:
@@ -102,7 +106,7 @@ def play_arm(system: DemoSystem) -> None:
     taught = pages.compared_with_taught(load_exercise(exercise), {
         'guided': guided, 'alone': alone, 'helped': helped})
     system.finish(
-        pages.arm_scene_report(alone, helped, result, exercise, taught),
+        pages.arm_page(alone, helped, result, exercise, taught),
         {'joints': peaks, 'arm': result.report(), 'taught': taught},
         pages.taught_words(taught),
         *(f'{joint}: the person gives {own["alone"]["rms"]:.2f} N·m RMS, '

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The main scene of the tool ``demo``: from the first measurement to the refined model."""
+"""The main scene of the demo: from the first measurement to the refined model."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from typing import Any
 
 from rich.table import Table
 
+from friction_comp.demo.pages import demo_page, EvaluatedTrial, residuals
+from friction_comp.demo.system import DemoSystem
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.parallel import child_process
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine, RefineResult
-from friction_comp.reports.demo_report import demo_report, EvaluatedTrial, residuals, table_rows
 from friction_comp.samples import Samples
 from friction_comp.tools.common import progress
-from friction_comp.tools.demo_system import DemoSystem
 
 JOINT = 'armin_1'
 TRUE_MODEL = package_file('config', 'armin_configuration_1.yaml')
@@ -109,10 +109,12 @@ def _conclude(system: DemoSystem, trials: list[EvaluatedTrial], result: RefineRe
     table = Table(title='Torque needed to move the joint')
     for index, name in enumerate(('', 'peak (N·m)', 'RMS (N·m)', 'error (mA)')):
         table.add_column(name, justify='right' if index else 'left')
-    for row in table_rows(trials, result):
-        table.add_row(*row)
+    errors = {'compensated': f'{1e3 * before:.3g}', 'refined': f'{1e3 * after:.3g}'}
+    for trial in trials:
+        table.add_row(trial.title, trial.peak, f'{trial.rms_torque:.2f}',
+                      errors.get(trial.name, ''))
     system.finish(
-        demo_report(trials, result, FrictionModel.load(model_file), UNDECLARED),
+        demo_page(trials, result, FrictionModel.load(model_file), UNDECLARED),
         {'trials': [{'name': trial.name, 'peak_torque': trial.peak_torque,
                      'rms_torque': trial.rms_torque, 'stuck': trial.stuck,
                      'evaluation': trial.evaluation.as_dict()} for trial in trials],

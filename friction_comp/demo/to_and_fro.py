@@ -1,18 +1,18 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The scene of the tool ``demo`` in which a hand moves a joint to and fro."""
+"""The scene of the demo in which a hand moves a joint to and fro."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+from friction_comp.demo.exercises import PERSON
+from friction_comp.demo.loop import JOINT, recorded, TRUE_MODEL
+from friction_comp.demo.pages import HandTrial, to_and_fro_page
+from friction_comp.demo.system import DemoSystem
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.package_files import package_file
-from friction_comp.reports.direction_scenes import HandTrial, to_and_fro_report
-from friction_comp.tools.demo_loop import JOINT, recorded, TRUE_MODEL
-from friction_comp.tools.demo_scenes import PERSON
-from friction_comp.tools.demo_system import DemoSystem
 from friction_comp.tools.processes import SAMPLE_TIME
 
 # Folder, title, law, and whether the exercise announces the direction.
@@ -51,7 +51,7 @@ def play_to_and_fro(system: DemoSystem) -> None:
     inertia = trials['none'].inertial_rms(own.simulation['inertia'])
     shares = {name: trial.removed(trials['none'], inertia) for name, trial in trials.items()}
     system.finish(
-        to_and_fro_report(trials, inertia),
+        to_and_fro_page(trials, inertia),
         {'to_and_fro': [{'name': name, 'rms_torque': trial.rms, 'removed': shares[name]}
                         for name, trial in trials.items()], 'inertia_rms': inertia},
         *(f'{trial.title}: the hand gives {trial.rms:.2f} N·m RMS; {100.0 * shares[name]:.0f} % of '

@@ -1,0 +1,392 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The pages of the demo's scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+from scipy.signal import butter, find_peaks, sosfiltfilt
+
+from friction_comp.arm.whole_arm import ArmResult
+from friction_comp.evaluation.compare import FEWEST
+from friction_comp.evaluation.conditions import evaluate
+from friction_comp.exercise.exercise_script import ExerciseScript
+from friction_comp.exercise.taught_exercise import TURN
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.number_text import number, quantity
+from friction_comp.refinement.result import FoundEffect, RefineResult
+from friction_comp.reports import refinement_words
+from friction_comp.reports.evaluation_words import peak_text
+from friction_comp.reports.figures import (
+    band,
+    COLOURS,
+    curve,
+    INK,
+    legend,
+    panels,
+    shade_directions,
+    styled,
+    thin,
+    zero,
+)
+from friction_comp.reports.html import Report, value
+from friction_comp.samples import Samples
+from friction_comp.statistics import rms
+
+# Of the trials of the main scene, and of the hand's ways, in their order.
+_TRIAL_COLOURS = ('no help', 'unknown', 'known', 'refined')
+_HAND_COLOURS = ('no help', 'other', 'unknown', 'known')
+_BAND = 20.0  # Hz: of the hand's torque that is compared; steps of the reference are above
+# Lengths of upper arm and forearm in the drawing, m; number of poses drawn.
+_LENGTHS = np.array([0.28, 0.25])
+_POSES = 5
+# Diameter of the disc of a torque of 1 N·m, points.
+_POINTS_PER_TORQUE = 8.0
+
+
+# The main scene.
+
+class EvaluatedTrial:
+    """One recorded trial, evaluated on its own; `title` is its name on the page."""
+
+    def __init__(self, name: str, title: str, samples: Samples) -> None:
+        self.name, self.title = name, title
+        self.evaluation = evaluate([samples], [name])
+        conditions = self.evaluation.conditions
+        # Means over both movements, N·m. Where the joint was stuck, the peak is a lower bound.
+        self.peak_torque = float(np.mean([c.peak_torque for c in conditions]))
+        self.rms_torque = float(np.mean([c.rms_torque for c in conditions]))
+        self.stuck = sum(c.stuck for c in conditions)
+        self.false_starts = sum(c.false_starts for c in conditions)
+
+    @property
+    def peak(self) -> str:
+        """Peak torque in N·m as text."""
+        return peak_text(self.peak_torque, self.stuck)
+
+    @property
+    def shown_peak(self) -> str:
+        """Peak torque with its unit, as a value of the page."""
+        return value(f'peak, {self.title}', f'{self.peak} N·m')
+
+
+def residuals(refined: RefineResult) -> tuple[float, float]:
+    """Return the model's error on data not fitted before and after refinement, A."""
+    return refined.report.before.held_out_rmse, refined.report.after.held_out_rmse
+
+
+def demo_page(trials: list[EvaluatedTrial], refined: RefineResult, model: FrictionModel,
+              undeclared: str | Path) -> Report:
+    """Return the page.
+
+    The four trials are without compensation, with the kinetic term, compensated, and with the
+    refined model. `model` is the identified one; `undeclared` has what only the simulation knew.
+    """
+    _, kinetic, compensated, last = trials
+    report = refined.report
+    before, after = (value(name, quantity(error, 'A')) for name, error in zip(
+        ('error before', 'error'), residuals(refined)))
+    page = Report('The whole loop, on a simulated joint',
+                  'Identify, compensate, evaluate, refine, compensate again')
+    page.verdict(_summary(trials, report.effects))
+    page.numbers([(kinetic.shown_peak, 'to start the joint, direction unknown'),
+                  (compensated.shown_peak, 'with the direction known'),
+                  (last.shown_peak, 'with the refined model as well'),
+                  (f'{before} → {after}', 'error of the model, by refinement')])
+    errors = {'compensated': before, 'refined': after}
+    page.table(['', 'peak', 'RMS', 'error of the model'],
+               [[trial.title, trial.shown_peak, f'{number(trial.rms_torque)} N·m',
+                 errors.get(trial.name, '')] for trial in trials],
+               'Back-driving torque: peak of the average, and RMS during movement, mean of both '
+               'directions. Error: on data not fitted.')
+    page.figure(torque_figure(trials), 'Back-driving torque, mean over the repetitions, in the '
+                'positive direction above, in the negative below.')
+    page.heading('Identified')
+    page.text('Constant velocities in both directions give the kinetic friction, and slow current '
+              'ramps give the breakaway friction. The simulated joint also has effects that this '
+              f'procedure does not measure: those in `{Path(undeclared).name}`.')
+    page.figure(_identified_figure(model), 'Dots: look-up table; line: friction curve; squares: '
+                'breakaway, with its standard deviation.')
+    page.heading('Found in the recording of the identification')
+    page.table(['', 'value', '95 % interval'],
+               [[f'**{row.name}**' + (f', {row.remark}' if row.remark else ''), row.value,
+                 row.interval] for row in (*refinement_words.friction_rows(report.friction),
+                                           *refinement_words.effect_rows(report))])
+    page.bullets(refinement_words.remarks(report))
+    return page
+
+
+def _summary(trials: list[EvaluatedTrial], effects: list[FoundEffect]) -> str:
+    none, kinetic, compensated, last = trials
+    stuck = f' (the joint did not move in {none.stuck} of ' \
+        f'{sum(c.repetitions for c in none.evaluation.conditions)} movements)' if none.stuck else ''
+    refined = 'The recordings show no effect that the identified model lacks.'
+    if effects:
+        named = refinement_words.effect_names(effect.name for effect in effects)
+        refined = (f'With the effects that the recordings show in addition ({named}) it is '
+                   f'**{last.shown_peak}**.')
+    starts = sum(trial.false_starts for trial in trials)
+    return (
+        f'Without compensation the person needs **{none.shown_peak}**{stuck} to set the joint in '
+        f'motion. Compensating kinetic friction alone leaves {kinetic.shown_peak}, since the '
+        'direction of friction is unknown before the joint moves. With the direction known it is '
+        f'**{compensated.shown_peak}**. {refined} ' + (
+            f'In {starts} movements the joint started before the person pushed.' if starts else
+            'In no trial did the joint start by itself.'))
+
+
+@styled
+def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
+    """Draw the back-driving torque of all trials."""
+    figure, axes = panels(['torque + (N·m)', 'torque − (N·m)'], 'time since the movement began (s)',
+                          2.1, legend_rows=2)
+    for axis, movement in zip(axes, ('positive', 'negative')):
+        for trial, colour in zip(trials, _TRIAL_COLOURS):
+            for condition in trial.evaluation.conditions:
+                if condition.movement == movement:
+                    enough = condition.repetitions >= FEWEST
+                    band(axis, condition.time, condition.torque, enough * condition.torque_std,
+                         colour, trial.title)
+        zero(axis)
+    legend(axes[0], 2)
+    return figure
+
+
+@styled
+def _identified_figure(model: FrictionModel) -> Figure:
+    figure, (axes,) = panels(['motor current (mA)'], 'joint velocity (rad/s)', 2.6)
+    table, breakaway = model.lookup_table, model.breakaway
+    # An identified model has both.
+    assert table is not None
+    assert breakaway is not None
+    speeds, currents = np.array(table['speeds']), np.array(table['currents'])
+    fine = np.linspace(1.05 * speeds.min(), 1.05 * speeds.max(), 801)
+    curve(axes, fine, 1e3 * model.sigmoid(fine), 'predicted', 'friction curve')
+    curve(axes, speeds, 1e3 * currents, 'measured', 'look-up table', 'o')
+    axes.errorbar(
+        [0.0, 0.0], [1e3 * breakaway.positive_mean, 1e3 * breakaway.negative_mean],
+        [1e3 * breakaway.positive_std, 1e3 * breakaway.negative_std], fmt='s', capsize=4,
+        color=COLOURS['measured'], label='breakaway')
+    legend(axes)
+    return figure
+
+
+# A hand that goes to and fro.
+
+class HandTrial:
+    """One recorded exercise: what the hand gave in each movement; `title` is its name."""
+
+    def __init__(self, title: str, samples: Samples) -> None:
+        self.title, self.time, self.position = title, samples.time, samples.position
+        # The recorder may have begun before the exercise.
+        velocity = np.nan_to_num(np.asarray(samples.reference_velocity, dtype=float))
+        rate = 1.0 / float(np.median(np.diff(self.time)))
+        torque = np.nan_to_num(np.asarray(samples.load, dtype=float))
+        self.torque = sosfiltfilt(butter(2, _BAND, fs=rate, output='sos'), torque)
+        way = np.sign(velocity)
+        starts = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0))
+        self._reference = self.time, velocity
+        moved = [slice(a, b) for a, b in zip(starts, starts[1:]) if way[a] != 0.0]
+        # All movements but the first and the last.
+        self.steady = slice(moved[1].start, moved[-2].stop)
+
+    @property
+    def rms(self) -> float:
+        """RMS torque of a movement to and fro, N·m, without its beginning and its end."""
+        return rms(self.torque[self.steady])
+
+    def inertial_rms(self, inertia: float) -> float:
+        """Return the RMS torque that a joint of an inertia in kg·m² takes without friction, N·m."""
+        time, velocity = (values[self.steady] for values in self._reference)
+        return inertia * rms(np.gradient(velocity, time))
+
+    def removed(self, bare: HandTrial, inertia: float) -> float:
+        """Return the share of friction's part in the RMS torque that is removed."""
+        return (bare.rms - self.rms) / (bare.rms - inertia)
+
+
+def to_and_fro_page(trials: dict[str, HandTrial], inertia: float) -> Report:
+    """Return the page; trials without help first, `inertia` is the RMS without friction, N·m."""
+    bare, *others = trials.values()
+    shown = {one.title: value(one.title, f'{one.rms:.2f} N·m') for one in trials.values()}
+    page = Report('To and fro, at the tempo of everyday movement',
+                  'The same firm hand, joint and movement; only what the motor adds differs')
+    page.verdict(f'Without help the hand gives **{shown[bare.title]}** (RMS), where a joint '
+                 f'without friction would take {inertia:.2f} N·m. ' + '; '.join(
+                     f'{one.title}: **{shown[one.title]}**' for one in others) + '.')
+    page.figure(loops_figure(trials), 'Torque of the hand over the angle, all movements. The area '
+                'is the work that friction takes from the hand.')
+    page.table(['', 'RMS', 'of friction removed'],
+               [[one.title, shown[one.title], f'{100.0 * one.removed(bare, inertia):.0f} %']
+                for one in trials.values()])
+    return page
+
+
+@styled
+def loops_figure(trials: dict[str, HandTrial]) -> Figure:
+    """Draw the torque of the hand over the angle, for each trial."""
+    figure, axes = panels(['torque (N·m)'] * len(trials), 'angle (deg)', 1.35)
+    for axis, one, colour in zip(axes, trials.values(), _HAND_COLOURS):
+        angle = np.degrees(one.position[one.steady])
+        angle = angle - 0.5 * (angle.min() + angle.max())
+        loop = thin(angle, one.torque[one.steady], points=400)
+        axis.fill(*loop, color=COLOURS[colour], alpha=0.3, linewidth=0)
+        axis.plot(*loop, color=COLOURS[colour])
+        zero(axis)
+        axis.text(0.01, 0.92, f'{one.title}: {one.rms:.2f} N·m RMS', transform=axis.transAxes,
+                  color=COLOURS[colour], va='top', fontweight='bold')
+    limit = max(float(np.abs(one.torque[one.steady]).max()) for one in trials.values())
+    for axis in axes:
+        axis.set_ylim(-1.1 * limit, 1.1 * limit)
+    return figure
+
+
+# Exercises of several joints.
+
+@styled
+def exercise_figure(shown: Mapping[str, Samples]) -> Figure:
+    """Draw positions and announced directions of the first 16 s, one joint above the other."""
+    figure, axes = panels([f'{joint} (deg)' for joint in shown], 'time (s)', 1.7)
+    for axis, samples in zip(axes, shown.values()):
+        part = samples.take(samples.time <= samples.time[0] + 16.0)
+        if part.reference_position is not None:
+            axis.plot(*thin(part.time, np.degrees(part.reference_position)), '--', color=INK,
+                      linewidth=1.0, label='shown to the person')
+        axis.plot(*thin(part.time, np.degrees(part.position)), color=COLOURS['measured'],
+                  label='joint')
+        if part.direction is not None:
+            shade_directions(axis, part.time, part.direction)
+    legend(axes[0])
+    return figure
+
+
+def peaks_of(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
+             ) -> dict[str, dict[str, dict[str, float]]]:
+    """Return the person's RMS and peak torque by joint and recording, N·m."""
+    return {joint: {
+        name: {'rms': rms(load), 'peak': float(np.abs(load).max())}
+        for name, load in (('alone', np.asarray(alone[joint].load)),
+                           ('helped', np.asarray(helped[joint].load)))} for joint in alone}
+
+
+def compared_with_taught(script: ExerciseScript, played: Mapping[str, Mapping[str, Samples]]
+                         ) -> dict[str, Any]:
+    """Return how an exercise agrees with the guided movement, and its replays with it.
+
+    `played` holds, by name and joint, the recordings, `guided` first. Returned are the number of
+    `waypoints`; `farthest`, by recording, how far its path stays away from a waypoint at most, deg;
+    `reversals` of the guided movement, and how many of them are `announced`.
+    """
+    farthest, found, announced = {}, 0, 0
+    for name, recording in played.items():
+        path = np.column_stack([recording[joint].position for joint in script.joints])
+        path = path - path[0]
+        farthest[name] = max(float(np.degrees(np.abs(path - place).max(axis=1).min()))
+                             for place in script.positions)
+    grid = np.arange(0.0, script.duration, 0.01)
+    said = np.array([script.at(float(time))[2] for time in grid])
+    for j, joint in enumerate(script.joints):
+        path = played['guided'][joint].position
+        turns = np.sort(np.concatenate([
+            find_peaks(sign * path, prominence=2.0 * TURN)[0] for sign in (1.0, -1.0)]))
+        ways = np.sign(np.diff(path[[0, *turns, -1]]))
+        own = said[:, j][said[:, j] != 0]
+        signs = own[np.flatnonzero(np.diff(own, prepend=0))]
+        found += len(turns)
+        announced += len(turns) if np.array_equal(signs, ways) else 0
+    return {'waypoints': len(script.times), 'farthest': farthest, 'reversals': found,
+            'announced': announced}
+
+
+def taught_words(taught: dict[str, Any]) -> str:
+    """Return the result of `compared_with_taught` in a sentence."""
+    far = taught['farthest']
+    return (f'The exercise has {taught["waypoints"]} waypoints, {far["guided"]:.2f} deg at most '
+            f'from the guided path, and announces {taught["announced"]} of '
+            f'{taught["reversals"]} reversals; the replay comes within {far["alone"]:.2f} deg of '
+            f'each waypoint without help, {far["helped"]:.2f} deg with it.')
+
+
+def arm_page(alone: Mapping[str, Samples], helped: Mapping[str, Samples], result: ArmResult,
+             exercise: Path, taught: dict[str, Any]) -> Report:
+    """Return the page on a taught exercise; `taught` is from `compared_with_taught`."""
+    peaks = peaks_of(alone, helped)
+    page = Report('A person teaches an arm, and moves it without help and with it',
+                  'Three joints, moved by MuJoCo')
+    total = {name: np.sqrt(sum(peak[name]['rms'] ** 2 for peak in peaks.values()))
+             for name in ('alone', 'helped')}
+    page.verdict("With the arm's weight and friction compensated by the motors, guiding it takes "
+                 f'**{100 * (1 - total["helped"] / total["alone"]):.0f} % less** torque from '
+                 'the person (RMS of all joints).')
+
+    def shown(joint: str, way: str, figure: str) -> str:
+        return value(f'{joint}, {way}, {figure}', f'{peaks[joint][way][figure]:.2f} N·m')
+    page.numbers([(f'{shown(joint, "alone", "rms")} → {shown(joint, "helped", "rms")}',
+                   f'{joint}, RMS') for joint in peaks])
+    page.figure(_pose_figure(alone, helped), 'The arm from the side; time runs from left to right. '
+                'The size of the discs at shoulder and elbow shows the torque that the person '
+                'applies there. Above: without help; below: with it.')
+    page.figure(_torque_figure(alone, helped), 'Torque of the person at each joint.')
+    page.text(taught_words(taught))
+    page.figure(exercise_figure(helped), f'The taught exercise `{exercise.name}`, as replayed with '
+                'help, and its announced directions.')
+    page.table(['joint', 'RMS alone', 'helped', 'peak alone', 'helped', 'added to the model'],
+               [[joint, *(shown(joint, way, figure) for figure in ('rms', 'peak')
+                          for way in ('alone', 'helped')),
+                 refinement_words.effect_names(
+                     effect.name for effect in result.results[joint].report.effects)]
+                for joint in peaks])
+    page.table(['link after joint', 'mass in the URDF (kg)', 'mass found (kg)'],
+               [[body['joint'], body['mass_urdf'], body['mass']]
+                for body in result.report()['rigid_bodies']],
+               'The load on the cuff is not in the URDF. Only sums of masses along the arm are '
+               'certain.')
+    return page
+
+
+@styled
+def _pose_figure(alone: Mapping[str, Samples], helped: Mapping[str, Samples]) -> Figure:
+    figure, axes = panels(['', ''], '', 1.7, left=0.2)
+    for axis, recorded, colour in zip(axes, (alone, helped), ('no help', 'known')):
+        joints: list[Any] = [recorded['lift'], recorded['bend']]
+        count = len(joints[0])
+        # The poses are from the first repetition.
+        for k, sample in enumerate(np.linspace(count // 40, count // 2, _POSES).astype(int)):
+            _draw_pose(axis, 0.55 * k, [joint.position[sample] for joint in joints],
+                       [joint.load[sample] for joint in joints], COLOURS[colour])
+        axis.set_aspect('equal')
+        axis.set_ylim(-0.65, 0.25)
+        axis.axis('off')
+    return figure
+
+
+def _draw_pose(axes: Axes, left: float, angles: list[float], torques: list[float],
+               colour: str) -> None:
+    total = np.cumsum(angles)
+    x = left + np.cumsum([0.0, *_LENGTHS * np.sin(total)])
+    y = np.cumsum([0.0, *-_LENGTHS * np.cos(total)])
+    axes.plot([left, left], [0.0, 0.2], color=COLOURS['faint'], linewidth=7.0, alpha=0.5,
+              solid_capstyle='round')
+    axes.plot(x, y, color=COLOURS['faint'], linewidth=5.0, solid_capstyle='round')
+    for k, torque in enumerate(torques):
+        axes.plot(x[k], y[k], 'o', color=colour, alpha=0.75,
+                  markersize=max(1.0, _POINTS_PER_TORQUE * abs(torque)))
+
+
+@styled
+def _torque_figure(alone: Mapping[str, Samples], helped: Mapping[str, Samples]) -> Figure:
+    figure, axes = panels([f'{joint} (N·m)' for joint in alone], 'time (s)', 1.3)
+    for axis, joint in zip(axes, alone):
+        for recorded, colour, name in ((alone, 'no help', 'without help'),
+                                       (helped, 'known', 'with help')):
+            samples: Any = recorded[joint]
+            time, load = thin(samples.time - samples.time[0], samples.load)
+            curve(axis, time, load, colour, name)
+    legend(axes[0])
+    return figure

@@ -1,0 +1,296 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pages on several refinements: recordings one by one, the units of a fleet, joints of an arm."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+import math
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+
+from friction_comp.arm.whole_arm import ArmResult
+from friction_comp.fleet.population import ParameterSpread, Population, UnitValue
+from friction_comp.number_text import interval_text, number, quantity
+from friction_comp.refinement.result import RefinementReport
+from friction_comp.reports.figures import COLOURS, curve, legend, panels, styled
+from friction_comp.reports.html import Link, Report
+from friction_comp.reports.refinement_words import effect_names
+
+# Effects found in fewer than this share of a joint's recordings may be due to chance.
+_REPEATABLE = 0.5
+_VERDICTS = ('trust', 'trust in part', 'record again')
+# Ratio of the ends of its interval up to which a current per torque counts as determined.
+_LARGEST_RATIO = 3.0
+# Units up to which each has a row in a table, and its name and interval in the figure.
+_MOST_ROWS, _MOST_NAMES = 100, 60
+
+
+def verdict(content: dict[str, Any]) -> str:
+    """Return the result of all recordings as sentences; `content` is that of report.json."""
+    rows, failed, missing = content['recordings'], content['failed'], content['not_done']
+    kinds = Counter(row['verdict'] for row in rows)
+    counts = ', '.join(f'{name}: {kinds[name]}' for name in _VERDICTS if kinds[name])
+    text = f'**{len(rows)} of {len(rows) + len(failed) + missing} refined** ({counts or "none"}).'
+    if failed:
+        text += f' **{len(failed)} could not be used**; the reasons are below.'
+    if missing:
+        text += f' **Interrupted: {missing} were not done.**'
+    return text
+
+
+def each_page(content: dict[str, Any], populations: Sequence[Population] = ()) -> Report:
+    """Return the page of report.json; `populations` compare the units of a fleet by joint."""
+    rows = content['recordings']
+    joints = list(dict.fromkeys(row['joint'] for row in rows))
+    page = Report('A fleet, unit by unit' if populations else 'Friction, recording by recording',
+                  f'{len(rows)} refined separately; joints: {", ".join(joints)}')
+    page.verdict('\n\n'.join([*map(fleet_verdict, populations), verdict(content)]))
+    for population in populations:
+        _add_fleet(page, population)
+    page.heading('Recordings')
+    for unit in dict.fromkeys(row['unit'] for row in rows):
+        same_unit = sorted((row for row in rows if row['unit'] == unit),
+                           key=lambda row: str(row['joint']))
+        page.figure(_errors_figure(same_unit, unit), 'Error on data not fitted: of the friction '
+                    'curve alone, or of the model given (open), of the refined model (filled), and '
+                    'noise (line); by joint and recording.')
+    page.table(
+        ['recording', 'joint', 'verdict', 'before', 'after', 'noise', 'found', 'unexplained'],
+        [[Link(row['folder'], f"{row['folder']}/report.html") if row['page'] else row['folder'],
+          row['joint'], row['verdict'],
+          *(quantity(row[name], row['unit']) for name in ('before', 'after', 'noise_floor')),
+          effect_names(effect['name'] for effect in row['effects']),
+          ', '.join(row['unexplained'])] for row in rows],
+        'RMS of measured minus predicted on parts that were not fitted.')
+    page.table(['joint', 'effect', 'depends on', 'found in', 'of', 'repeatable'],
+               _effect_rows(rows, joints),
+               'An effect that only some recordings show lacks a motion in the others, or is no '
+               'property of the drive.')
+    page.bullets(content['failed'], 'Not usable:')
+    return page
+
+
+def fleet_verdict(population: Population) -> str:
+    """Return in one or two sentences which units are out and what varies most."""
+    count, out = len(population.units), population.out
+    joint = f' (joint {population.joint})' if population.joint else ''
+    text = f'**None of {count} units is out**{joint}.'
+    if out:
+        text = f'**{len(out)} of {count} units {"is" if len(out) == 1 else "are"} out**{joint}: ' \
+            + '; '.join(f'{unit}: {", ".join(names)}' for unit, names in out.items()) + '.'
+    varying = sorted((one for one in population.parameters if one.varies and
+                      one.scale == 'logarithmic'), key=lambda one: -one.spread)
+    if varying:
+        text += ' From unit to unit vary most: ' + ', '.join(
+            f'{one.name} ({_spread(one)[0]})' for one in varying[:3]) + '.'
+    return text
+
+
+def _add_fleet(page: Report, population: Population) -> None:
+    joint = f': {population.joint}' if population.joint else ''
+    page.heading(f'Unit by unit{joint}')
+    out = [(parameter, unit) for parameter in population.parameters
+           for unit in parameter.units if unit.out]
+    if out:
+        page.table(
+            ['unit', 'parameter', 'value', '95 % interval', 'population', 'range of 95 % of units',
+             'unit of it', 'probability by chance'],
+            [[unit.unit, one.name, unit.value, interval_text(unit.interval), one.mean,
+              interval_text(one.range), one.unit, f'{unit.p:.1g}'] for one, unit in
+             sorted(out, key=lambda entry: (entry[1].unit, entry[1].p))],
+            'Units that are out, and by what. The probability is that of such a deviation of one '
+            'unit in one parameter.')
+    page.figure(_fleet_figure(population), 'Each dot is a unit with its 95 % interval, the band is '
+                'the range of 95 % of further units, the line is the mean. Units that are out are '
+                'red and named.')
+    page.table(
+        ['parameter', 'mean', '95 % interval', 'unit', 'spread', '95 % interval',
+         'range of 95 % of units', 'varies'],
+        [[one.name, one.mean, interval_text(one.mean_interval), one.unit, *_spread(one),
+          interval_text(one.range), 'yes' if one.varies else 'not seen']
+         for one in population.parameters],
+        'The population, without the units that are out. The spread is the standard deviation '
+        'between units, without what errors of measurement explain; "varies" says whether it can '
+        'be told from zero.')
+    repeated = population.recordings > len(population.units)
+    page.text(
+        f'{population.recordings} recordings of {len(population.units)} units were fitted with the '
+        'same effects and constants. ' + (
+            'What differs between recordings of one unit counts as error of its value. ' if repeated
+            else 'With one recording of each unit, what differs from day to day counts as a '
+            'difference between units: record some units twice to tell these apart. ')
+        + 'In a fleet without an odd unit, one is called out on 5 of 100 pages like this one.')
+    if len(population.units) <= _MOST_ROWS:
+        page.table(
+            ['unit', *(f'{one.name} ({one.unit})' for one in population.parameters)],
+            [[unit, *(_cell(one.units[k]) for one in population.parameters)]
+             for k, unit in enumerate(population.units)],
+            'Values with 95 % intervals; what is out is bold.')
+    page.text(f'`fleet.json` holds all of this; `{population.file_name}.yaml` is its mean as a '
+              'model.')
+
+
+@styled
+def _fleet_figure(population: Population) -> Figure:
+    parameters, count = population.parameters, len(population.units)
+    figure, axes = panels([one.unit for one in parameters], ['units'] * len(parameters), 1.0)
+    for one, axis in zip(parameters, axes):
+        _draw_parameter(axis, one, count)
+        axis.set_xlim(-1.0, count)
+        axis.set_xticks([])
+    return figure
+
+
+def _draw_parameter(axis: Axes, one: ParameterSpread, count: int) -> None:
+    values = np.array([unit.value for unit in one.units])
+    ends = np.array([unit.interval for unit in one.units]).T
+    out = np.array([unit.out for unit in one.units])
+    axis.axhspan(*one.range, color=COLOURS['faint'], alpha=0.25, linewidth=0)
+    axis.axhline(one.mean, color=COLOURS['faint'], linewidth=0.9)
+    for chosen, colour in ((~out, 'measured'), (out, 'out')):
+        bars = np.abs(ends[:, chosen] - values[chosen]) if count <= _MOST_NAMES else None
+        axis.errorbar(np.nonzero(chosen)[0], values[chosen], bars, fmt='o', markersize=3.0,
+                      linewidth=0.9, color=COLOURS[colour])
+    for k in np.nonzero(out)[0]:
+        axis.annotate(one.units[k].unit, (k, values[k]), xytext=(4, 2), fontsize=8,
+                      textcoords='offset points', color=COLOURS['out'],
+                      ha='right' if k > 0.8 * count else 'left')
+    # An interval of one unit must not make the differences between all others invisible.
+    low, high = min(values.min(), one.range[0]), max(values.max(), one.range[1])
+    margin = 0.2 * (high - low) + 1e-12
+    axis.set_ylim(low - margin, high + margin)
+    axis.set_title(one.name)
+
+
+def _spread(one: ParameterSpread) -> tuple[str, str]:
+    """Return the spread, and its interval."""
+    values, unit = [one.spread, *one.spread_interval], one.unit
+    if one.scale == 'logarithmic':
+        values, unit = [100.0 * math.expm1(value) for value in values], '%'
+    return f'{number(values[0], 2)} {unit}', f'{interval_text(values[1:], 2)} {unit}'
+
+
+def _cell(unit: UnitValue) -> str:
+    text = f'{number(unit.value)} ({interval_text(unit.interval)})'
+    return f'**{text}**' if unit.out else text
+
+
+@styled
+def _errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
+    """Draw errors before and after refinement; rows must be grouped by joint."""
+    figure, (axes,) = panels([f'RMS error ({unit})'], 'joints, and their recordings', 2.2)
+    x = np.arange(len(rows))
+    before, after, noise = (np.array([row[name] for row in rows], dtype=float)
+                            for name in ('before', 'after', 'noise_floor'))
+    axes.vlines(x, after, before, color=COLOURS['faint'], linewidth=0.8)
+    curve(axes, x, before, 'before', 'before', 'o', markerfacecolor='none', markersize=5)
+    curve(axes, x, after, 'predicted', 'refined', 'o', markersize=5)
+    axes.hlines(noise, x - 0.4, x + 0.4, color=COLOURS['measured'], linewidth=1.2, label='noise')
+    joints, begins, counts = np.unique([row['joint'] for row in rows], return_index=True,
+                                       return_counts=True)
+    for begin in sorted(begins)[1:]:
+        axes.axvline(begin - 0.5, color=COLOURS['faint'], linewidth=0.6)
+    axes.set_xticks(begins + 0.5 * (counts - 1), joints)
+    axes.set_yscale('log')
+    legend(axes)
+    return figure
+
+
+def _effect_rows(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any]]:
+    table: list[list[Any]] = []
+    for joint in joints:
+        joint_rows = [row for row in rows if row['joint'] == joint]
+        counts = Counter((effect['name'], effect['variable']) for row in joint_rows
+                         for effect in {e['name']: e for e in row['effects']}.values())
+        table.extend(
+            [joint, name.replace('_', ' '), variable, count, len(joint_rows),
+             'yes' if count > 1 and count >= _REPEATABLE * len(joint_rows) else 'no']
+            for (name, variable), count in counts.most_common())
+    return table or [['', 'none', '', None, len(rows), '']]
+
+
+def arm_page(result: ArmResult, names: list[str], folders: dict[str, str]) -> Report:
+    """Return the page; `names` are the recordings, `folders` those with each joint's page."""
+    page = Report('Friction of the joints of an arm', ', '.join(names))
+    reports = {name: joint_result.report for name, joint_result in result.results.items()}
+    unit = next(iter(reports.values())).unit
+    page.verdict(_joint_verdicts(reports))
+    errors = {name: (report.before.held_out_rmse, report.after.held_out_rmse, report.noise_floor)
+              for name, report in reports.items()}
+    page.table(
+        ['joint', 'verdict', 'before', 'after', 'noise', 'found'],
+        [[Link(name, f'{folders[name]}/report.html'), report.verdict,
+          *(quantity(error, unit) for error in errors[name]),
+          effect_names(effect.name for effect in report.effects)]
+         for name, report in reports.items()],
+        'RMS of measured minus predicted on parts that were not fitted, by the initial model and '
+        'by the refined one; each name links to the page on that joint.')
+    page.figure(
+        _errors_figure([dict(zip(('joint', 'before', 'after', 'noise_floor'), (name, *row)))
+                        for name, row in errors.items()], unit),
+        'The same. What lies between the error and the noise is not explained yet.')
+    for name, report in reports.items():
+        if report.verdict != 'trust':
+            page.bullets(report.reasons, f'Limits the verdict on {name}:')
+    _add_links(page, result, unit)
+    return page
+
+
+def _joint_verdicts(reports: dict[str, RefinementReport]) -> str:
+    kinds: dict[str, list[str]] = {}
+    for name, report in reports.items():
+        kinds.setdefault(report.verdict, []).append(name)
+    return '; '.join(f'**{kind[0].upper()}{kind[1:]}**: {", ".join(kinds[kind])}'
+                     for kind in _VERDICTS if kind in kinds) + '.'
+
+
+def _add_links(page: Report, result: ArmResult, unit: str) -> None:
+    arm = result.report()
+    page.heading('Weight and inertia of the links')
+    page.text(
+        f"The joints' torques determine {arm['identifiable_parameters']} combinations of the "
+        f"links' {10 * len(arm['joints'])} inertial parameters; the others stay as in the URDF. "
+        'Only sums along the arm are certain: an error of one mass may be compensated by that of '
+        'a neighbouring link, or by the current per torque where torque constants were not given.')
+    page.table(
+        ['joint', f'{unit} per N·m', 'friction and rotor alone', 'with the links'],
+        [[row['joint'],
+          _scale_text(row['current_per_torque'], row['intervals']['current_per_torque']),
+          quantity(row['held_out_rmse_without'], unit), quantity(row['held_out_rmse'], unit)]
+         for row in arm['rigid_bodies']],
+        'Current per torque with its 95 % interval, and errors on data not fitted, before any '
+        'further effect was added.')
+    page.table(
+        ['link after joint', 'mass (kg)', 'URDF (kg)', 'from the recording',
+         'first moment x, y, z (kg·m)', 'from the recording'],
+        [[row['joint'], _with_interval(row['mass'], row['intervals']['mass']), row['mass_urdf'],
+          _percent(row['told_by_recording']['mass']),
+          '; '.join(_with_interval(value, bounds) for value, bounds in zip(
+              row['first_moment'], row['intervals']['first_moment'])),
+          ', '.join(_percent(value) for value in row['told_by_recording']['first_moment'])]
+         for row in arm['rigid_bodies']],
+        '95 % intervals are in brackets. "From the recording" is the share by which the '
+        'recording reduces the uncertainty; below one half the value is that of the URDF and has '
+        'no interval. All ten parameters of each link are in report.json.')
+    page.bullets(arm['notes'])
+
+
+def _with_interval(found: float, bounds: list[float | None]) -> str:
+    return number(found) + ('' if bounds[0] is None else f' ({interval_text(bounds)})')
+
+
+def _scale_text(found: float, bounds: list[float | None]) -> str:
+    """Return a current per torque as text, or that the recording does not determine it."""
+    low, high = bounds
+    if low is None or high is None or high > _LARGEST_RATIO * low:
+        return 'not determined' + ('' if low is None else f' ({interval_text(bounds)})')
+    return _with_interval(found, bounds)
+
+
+def _percent(share: float) -> str:
+    return f'{100.0 * share:.0f} %'

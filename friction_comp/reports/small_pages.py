@@ -1,0 +1,151 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pages of one figure: a planned motion, friction at constant speeds, and a taught exercise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.figure import Figure
+import numpy as np
+
+from friction_comp.excitation.plan import JointPlan
+from friction_comp.excitation.separation import Pair
+from friction_comp.exercise.exercise_script import ExerciseScript
+from friction_comp.exercise.taught_exercise import Taught
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.number_text import interval_text, number, quantity
+from friction_comp.reports.figures import (
+    COLOURS,
+    curve,
+    INK,
+    legend,
+    panels,
+    shade_directions,
+    styled,
+    thin,
+    zero,
+)
+from friction_comp.reports.html import Report, value
+from friction_comp.reports.refinement_words import NAMES
+from friction_comp.samples import Samples
+
+_RATE = 50.0  # of the drawn curves, Hz
+
+
+def excitation_page(plans: Sequence[JointPlan],
+                    others: Sequence[Mapping[str, Mapping[Pair, float]]]) -> Report:
+    """Return the page; `others` has for each plan the separation by other motions, by name."""
+    seconds = plans[0].seconds
+    page = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')
+    worst = min((share, pair, plan.limits.joint) for plan in plans
+                for pair, share in plan.separation.items())
+    page.verdict(f'**Hardest to distinguish: {_pair_text(worst[1])}** of joint {worst[2]}: '
+                 f'{100 * worst[0]:.2g} % of one is independent of the other and of the friction '
+                 'curve.')
+    for plan, other in zip(plans, others):
+        page.heading(f'Joint {plan.limits.joint}')
+        page.figure(_plan_figure(plan), 'Position and velocity over time, and velocity over '
+                    'position; broken: the limits.')
+        page.table(
+            ['effects', 'this plan (%)', *(f'{name} (%)' for name in other)],
+            [[_pair_text(pair), 100 * share,
+              *(100 * separation[pair] for separation in other.values())]
+             for pair, share in plan.separation.items()])
+    page.text('The percentage is the part of one effect that is independent of the other: the '
+              "smallest for several values of the effects' constants. It depends on the motion "
+              'alone; whether `refine` finds an effect also depends on noise and on its size.')
+    return page
+
+
+def _pair_text(pair: Pair) -> str:
+    return ' and '.join(pair).replace('_', ' ')
+
+
+@styled
+def _plan_figure(plan: JointPlan) -> Figure:
+    motion, limits = plan.samples(_RATE), plan.limits
+    figure, (place, speed, both) = panels(
+        ['position (rad)', 'velocity (rad/s)', 'velocity (rad/s)'],
+        ['', 'time (s)', 'position (rad)'], (1.3, 1.3, 1.8))
+    curve(place, motion.time, motion.position, 'predicted')
+    curve(speed, motion.time, motion.velocity, 'predicted', linewidth=0.9)
+    curve(both, motion.position, motion.velocity, 'predicted', style='.', markersize=2.5)
+    for end in (limits.lowest, limits.highest):
+        place.axhline(end, color=COLOURS['faint'], linestyle='--', linewidth=0.9)
+        both.axvline(end, color=COLOURS['faint'], linestyle='--', linewidth=0.9)
+    for end in (-limits.velocity, limits.velocity):
+        for axes in (speed, both):
+            axes.axhline(end, color=COLOURS['faint'], linestyle='--', linewidth=0.9)
+    return figure
+
+
+def steady_state_rows(report: dict[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Return key, name, value with unit, and 95 % interval of each number."""
+    friction, unit = report['friction'], report['unit']
+    return [(key, name, f'{number(friction[key], 4)} {own.replace("A", unit, 1)}',
+             interval_text(friction['intervals'][key], 4))
+            for key, (name, own) in NAMES.items() if friction.get(key) is not None]
+
+
+def steady_state_page(report: dict[str, Any], model: FrictionModel, speeds: np.ndarray,
+                      currents: np.ndarray, names: Sequence[str]) -> Report:
+    """Return the page on a table of steady states; `report` is the content of report.json."""
+    page = Report(f'Friction of {f"joint {model.joint}" if model.joint else "the joint"} at '
+                  'constant speeds', ', '.join(names), model.is_linear)
+    unit = report['unit']
+    page.verdict(f'**{report["verdict"][0].upper()}{report["verdict"][1:]}**: '
+                 f'{report["reasons"][0]}')
+    page.numbers([
+        (value('error', quantity(report['after']['held_out_rmse'], unit)),
+         'error of each row, predicted by a fit to all others'),
+        (value('before', quantity(report['before']['held_out_rmse'], unit)),
+         'Coulomb and viscous friction alone')])
+    page.bullets(report['reasons'][1:], 'Also:')
+    page.bullets(report['record_again'], 'What to record:')
+    page.table(['friction', 'value', '95 % interval'],
+               [[f'**{name}**', value(key, text), ends]
+                for key, name, text, ends in steady_state_rows(report)])
+    page.figure(_steady_figure(model, speeds, currents, unit), 'Dots: the rows of the table; '
+                'line: the fitted curve. Below: the difference.')
+    page.text('Inertia, weight and breakaway do not show in such a table, and the sign change of '
+              'friction is assumed to be faster than the slowest speed.')
+    return page
+
+
+@styled
+def _steady_figure(model: FrictionModel, speeds: np.ndarray, currents: np.ndarray, unit: str
+                   ) -> Figure:
+    def fitted(velocity: np.ndarray) -> np.ndarray:
+        return model.current(Samples(np.arange(float(len(velocity))), velocity, velocity,
+                                     velocity=velocity))
+    figure, (above, below) = panels(
+        [f'friction ({unit})', f'error ({unit})'], 'velocity (rad/s)', (2.3, 0.9))
+    top = float(np.max(np.abs(speeds)))
+    grid = np.linspace(-top if speeds.min() < 0 else 0.0, top if speeds.max() > 0 else 0.0, 1001)
+    curve(above, grid, fitted(grid), 'predicted', 'fit')
+    curve(above, speeds, currents, 'measured', 'table', 'o', markersize=5)
+    curve(below, speeds, currents - fitted(speeds), 'measured', style='o', markersize=4)
+    zero(below)
+    legend(above)
+    return figure
+
+
+@styled
+def taught_figure(taught: Taught, script: ExerciseScript) -> Figure:
+    """Return a figure with a row for each joint: path, waypoints, and announced directions."""
+    figure, axes = panels([f'{joint} (deg)' for joint in script.joints], 'time (s)', 1.9)
+    time = np.linspace(0.0, script.duration, 1500)
+    states = [script.at(float(t)) for t in time]
+    position = np.degrees([state[0] for state in states])
+    direction = np.array([state[2] for state in states])
+    for j, panel in enumerate(axes):
+        panel.plot(*thin(taught.time, np.degrees(taught.path[:, j])), color=COLOURS['measured'],
+                   linewidth=4.0, alpha=0.6, label='guided')
+        panel.plot(time, position[:, j], color=INK, linewidth=1.2, label='exercise')
+        panel.plot(taught.waypoints, np.interp(taught.waypoints, time, position[:, j]), 'o',
+                   color=INK, markersize=4, label='waypoint')
+        shade_directions(panel, time, direction[:, j])
+    legend(axes[0], 2)
+    return figure
