@@ -23,9 +23,9 @@ import time
 from bench_tools import table_parser
 from node_process import environment
 
+from friction_comp.demo.ros_domain import leased_domain
 from friction_comp.errors import InputError
 from friction_comp.recordings import read_recording_with_info
-from friction_comp.tools.ros_domain import leased_domain
 
 TOPICS = ('joint_states', 'current_command', 'direction', 'reference', 'interaction_wrench',
           'motor_temperature')

@@ -12,7 +12,7 @@ import numpy as np
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.definitions import Coverage
 from friction_comp.refinement.thresholds import table
-from friction_comp.reports.figures import curve, new_figure, to_svg
+from friction_comp.reports.figures import curve, panels, to_svg
 from friction_comp.samples import Samples
 
 # What a recording must contain so that effects of a variable can be found and distinguished.
@@ -107,8 +107,8 @@ def draw(name, kind, path):
     constants = {**({'frequency': _PERIODS} if 'frequency' in kind.constants else {}),
                  **grid[len(grid) // 2]}
     column = kind.matrix(samples, constants)[:, 0]
-    figure, axes = new_figure(width=6.0, height=2.6, x=_AXES[axis], y='current (A)')
-    curve(axes, getattr(samples, axis), column, 'blue')
+    figure, (axes,) = panels(['current (A)'], _AXES[axis], 2.0)
+    curve(axes, getattr(samples, axis), column, 'predicted')
     path.write_text(to_svg(figure), encoding='utf-8')
     return True
 

@@ -12,18 +12,26 @@ from friction_comp.direction.force_sensor import ForceDirection
 from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
-from friction_comp.reports.figures import curve, new_figure, styled, to_file, to_svg
+from friction_comp.reports.figures import (
+    COLOURS,
+    curve,
+    legend,
+    panels,
+    scatter,
+    styled,
+    to_file,
+    to_svg,
+)
 from friction_comp.simulation.cheap_sensors import CheapForce
 
 ROOT = Path(__file__).resolve().parent.parent
 # Of the first picture.
 DESCRIPTION = """\
-Left: torque over time, measured and predicted, which nearly coincide. Right: friction over
+Above: torque over time, measured and predicted, which nearly coincide. Below: friction over
 velocity, a step at zero and a straight line on either side."""
 # The person begins to push at 2.3 s; the joint moves from 2.55 to 4.2 s.
 PUSH, MOVES, ENDS, LAST = 2.3, 2.55, 4.2, 5.5
 CALIBRATED = 4.0
-COLOURS = {'plan': '#1f6fae', 'leader': '#6a51a3', 'force': '#0f8a69'}
 
 
 def position(time):
@@ -88,18 +96,15 @@ def first():
     moves = np.flatnonzero(result.usable)[::3]
     predicted = model.sigmoid(velocity) + others
     part = (samples.time > 4.0) & (samples.time < 12.0)
-    figure, (left, right) = new_figure(columns=2, width=8.4, height=2.6)
-    curve(left, samples.time[part], samples.current[part], 'grey', 'measured', linewidth=3.0)
-    curve(left, samples.time[part], predicted[part], 'blue', 'predicted')
-    left.set(xlabel='time (s)', ylabel='torque (N·m)', ylim=(-5.5, 8.5))
-    left.legend(loc='upper right', ncols=2)
-    curve(right, velocity[moves], (samples.current - others)[moves], 'grey',
-          'measured, without the other effects', '.', markersize=2)
+    figure, (above, below) = panels(
+        ['torque (N·m)', 'friction (N·m)'], ['time (s)', 'velocity (rad/s)'], 1.8)
+    curve(above, samples.time[part], predicted[part], 'predicted', 'predicted')
+    scatter(above, samples.time[part], samples.current[part], label='measured')
     speeds = np.linspace(velocity.min(), velocity.max(), 400)
-    curve(right, speeds, friction.coulomb * np.sign(speeds) + friction.viscous * speeds
-          + friction.offset, 'blue', 'Coulomb + viscous + offset')
-    right.set(xlabel='velocity (rad/s)', ylabel='friction (N·m)')
-    right.legend(loc='upper left')
+    curve(below, speeds, friction.coulomb * np.sign(speeds) + friction.viscous * speeds
+          + friction.offset, 'predicted')
+    scatter(below, velocity[moves], (samples.current - others)[moves])
+    legend(above)
     return figure
 
 
@@ -107,11 +112,11 @@ def first():
 def sources():
     """Return a movement, and when each source announces its direction."""
     time = np.arange(0.0, LAST, 0.01)
-    figure, axes = new_figure(rows=3, width=7.2, height=1.45, sharex=True)
-    rows = {'plan': (time, np.degrees(position(time)), planned(time), 'plan, deg'),
-            'leader': (time, np.degrees(position(time)), led(time), 'leader, deg'),
-            'force': (*sensed(), 'force, counts')}
-    for row, (name, (when, signal, said, label)) in zip(axes.ravel(), rows.items()):
+    figure, axes = panels(['plan (deg)', 'leader (deg)', 'force (counts)'], 'time (s)', 1.1)
+    rows = {'plan': (time, np.degrees(position(time)), planned(time)),
+            'leader': (time, np.degrees(position(time)), led(time)),
+            'force': sensed()}
+    for row, (when, signal, said) in zip(axes, rows.values()):
         shown = when > 0.0
         row.axvspan(MOVES, ENDS, color='#6b7885', alpha=0.12, linewidth=0)
         row.plot(when[shown], signal[shown], color='#1a2b3d', linewidth=1.0)
@@ -121,14 +126,11 @@ def sources():
         end = when[shown][len(said[shown]) - 1 - np.argmax(said[shown][::-1] != 0)]
         at = high - 0.14 * (high - low)
         row.annotate('', (end, at), (begin, at), arrowprops={
-            'arrowstyle': '-|>', 'color': COLOURS[name], 'linewidth': 4.0, 'shrinkA': 0,
+            'arrowstyle': '-|>', 'color': COLOURS['known'], 'linewidth': 4.0, 'shrinkA': 0,
             'shrinkB': 0, 'mutation_scale': 18})
         row.set_ylim(low, high)
         row.set_xlim(0.0, LAST)
-        row.set_ylabel(label)
-    axes.ravel()[0].set_title('grey: the joint moves; arrow: its direction is announced',
-                              fontsize=10, loc='left')
-    axes.ravel()[-1].set_xlabel('time, s')
+    axes[0].set_title('grey: the joint moves; arrow: its direction is announced')
     return figure
 
 

@@ -1,13 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Standard output and error streams that never stop a tool, whose results are in files.
+"""What tools show: streams that never stop a tool, whose results are in files, and progress.
 
 If a pipe is closed (``| head``) or a terminal lacks some characters, only printed text is lost.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import os
 import sys
@@ -62,3 +62,29 @@ def tolerant_output() -> Iterator[None]:
         for stream in filter(None, (sys.stdout, sys.stderr)):
             stream.flush()
         sys.stdout, sys.stderr = before
+
+
+@contextmanager
+def progress(description: str) -> Iterator[Callable[..., None]]:
+    """Show a progress bar on standard error while the block runs, if that is a terminal.
+
+    Yields ``report(share, description=None)`` for the share 0..1 that is done, None if unchanged.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn('{task.description}'), BarColumn(), TextColumn(
+        '{task.percentage:>3.0f} %'), TimeElapsedColumn())
+    if not console.is_terminal:
+        # Rich 13 ends even a disabled bar with an empty line.
+        yield lambda *_, **__: None
+        return
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(description, total=1.0)
+
+        def report(share: float | None, description: str | None = None) -> None:
+            completed = None if share is None else min(max(float(share), 0.0), 1.0)
+            bar.update(task, completed=completed, description=description)
+
+        yield report

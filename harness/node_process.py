@@ -13,8 +13,8 @@ import subprocess
 import sys
 
 from friction_comp.__main__ import NODES
-from friction_comp.tools import processes
-from friction_comp.tools.processes import ros_arguments
+from friction_comp.demo import processes
+from friction_comp.demo.processes import ros_arguments
 
 ROOT = Path(__file__).resolve().parent.parent
 # s; discovery alone may take seconds on a busy machine.

@@ -26,9 +26,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
+from friction_comp.demo.ros_domain import leased_domain
 from friction_comp.ros.joint_io import UNASKED
 from friction_comp.ros.ros_start import start_ros
-from friction_comp.tools.ros_domain import leased_domain
 
 CONFIG = ROOT / 'config'
 MODELS = [str(CONFIG / f'armin_configuration_{k}.yaml') for k in (1, 2, 3)]

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures and settings that all tests share, and the mark of tests that start nodes."""
 
-import functools
 import gc
 from importlib.util import find_spec
 import os
@@ -18,12 +17,11 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 os.environ['MPLCONFIGDIR'] = str(Path(__file__).parents[1] / 'build' / 'matplotlib')
 
 from hypothesis import HealthCheck, settings
-from matplotlib.figure import Figure
 import pytest
 
 from friction_comp.__main__ import run
 from friction_comp.package_files import add_environment_to_ament_path
-from friction_comp.reports import figures, html
+from friction_comp.reports import figures
 
 # As `python3 -m friction_comp` does for nodes: some tests import ROS 2 by themselves.
 add_environment_to_ament_path()
@@ -75,34 +73,25 @@ def pytest_collection_finish():
     gc.freeze()
 
 
-@functools.cache
-def drawn_before():
-    """Return the cache of this process's drawings, by titles and labels of their axes."""
-    return {}
+_DRAWN = {}
+_draw = figures.for_page
 
 
-def drawn_once(figure):
+def drawn_once(figure, linear=False):
     """Draw a figure, or return a cached one with the same axes, which saves a tenth of a second."""
     axes = tuple(words for one in figure.axes for words in (
         one.get_title(loc='left'), one.get_xlabel(), one.get_ylabel()))
-    drawings = drawn_before()
-    # Without titles and labels, figures may differ.
-    if axes not in drawings or not any(axes):
-        drawings[axes] = figures.for_page(figure)
-    return drawings[axes]
+    if axes not in _DRAWN or not any(axes) or linear:
+        _DRAWN[axes] = _draw(figure, linear)
+    return _DRAWN[axes]
 
 
 @pytest.fixture(scope='module', autouse=True)
 def plain_pages(request):
-    """Simplify pages in modules without `LIVE_PAGES`, which takes a part of the time.
-
-    Figures have no layout and are drawn once of each kind. Processes that a module starts write
-    complete pages.
-    """
+    """Draw figures once of each kind, in modules without `LIVE_PAGES`."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         if not getattr(request.module, 'LIVE_PAGES', False):
-            monkeypatch.setattr(figures, 'Figure', lambda figsize, layout: Figure(figsize))
-            monkeypatch.setattr(html, 'for_page', drawn_once)
+            monkeypatch.setattr(figures, 'for_page', drawn_once)
         yield
 
 

@@ -16,14 +16,14 @@ from report_pages import assert_documented
 import yaml
 
 from friction_comp.__main__ import run
+from friction_comp.demo.processes import Nodes, only_user, ros_arguments
 from friction_comp.errors import InputError
 from friction_comp.parallel import interrupts_deferred
-from friction_comp.tools.processes import Nodes, only_user, ros_arguments
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from friction_comp.tools import demo_directions
-from friction_comp.tools.demo_system import clear_results
+from friction_comp.demo import to_and_fro
+from friction_comp.demo.system import clear_results
 
 
 def test_parameters_are_written_as_yaml_reads_them():
@@ -159,8 +159,8 @@ def test_two_joints_turn_round_with_their_directions_announced(scene, capsys):
 @pytest.mark.slow
 def test_a_hand_that_goes_to_and_fro_feels_less_friction_than_with_a_hyperbolic_tangent(
         scene, monkeypatch):
-    monkeypatch.setattr(demo_directions, 'WAYS', [
-        way for way in demo_directions.WAYS if way[0] != 'unknown'])
+    monkeypatch.setattr(to_and_fro, 'WAYS', [
+        way for way in to_and_fro.WAYS if way[0] != 'unknown'])
     found = scene('to_and_fro')
     removed = {one['name']: one['removed'] for one in found['to_and_fro']}
     assert removed['none'] == 0.0

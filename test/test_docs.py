@@ -59,14 +59,6 @@ def test_the_yaml_of_the_own_robot_loads():
     assert FrictionModel.from_dict(model).drive.current_limit == 0.5
 
 
-def test_prose_fits_into_a_window_of_120_columns():
-    for path in (*ROOT.glob('*.md'), *ROOT.glob('*/*.md')):
-        blocks = re.split(r'^ *```.*$', path.read_text(encoding='utf-8'), flags=re.MULTILINE)
-        for line in '\n'.join(blocks[::2]).splitlines():
-            # Rows of tables and alternative texts of pictures cannot be wrapped.
-            assert len(line) <= 120 or re.match(r'\s*(\||!\[)', line), f'{path.name}: {line}'
-
-
 README = (ROOT / 'README.md').read_text(encoding='utf-8')
 COMMANDS = [line for line, _ in commands([ROOT / 'README.md', *(
     ROOT / 'docs' / f'{name}.md' for name in ('nodes', 'tools'))])]

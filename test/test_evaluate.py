@@ -14,7 +14,7 @@ from friction_comp.evaluation.movements import find_movements
 from friction_comp.evaluation.repetitions import Compensation
 from friction_comp.recordings import RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
-from friction_comp.reports.evaluation_words import condition_line
+from friction_comp.reports.evaluation_words import measure_text
 from friction_comp.samples import Samples
 
 REST, RAMP, CRUISE, SPEED = 2.0, 0.5, 1.5, 0.4
@@ -247,11 +247,11 @@ def test_a_lower_bound_is_marked_and_no_compensation_is_one_condition(tmp_path, 
     assert {c.compensation for c in evaluation.conditions} == {Compensation('none', '', 0)}
     report = evaluation.as_dict()
     assert [c['stuck'] for c in report['conditions']] == [1, 1]
-    assert '>\u00a0' in condition_line(evaluation.conditions[0])
+    assert '>\u00a0' in measure_text(evaluation.conditions[0], 'peak_torque')
     write_samples(tmp_path / 'r', stuck_trial())
     assert run('evaluate', [str(tmp_path / 'r'), '--output', str(tmp_path / 'out')]) == 0
     out = capsys.readouterr().out
-    assert 'in 1 the joint did not move' in out
+    assert 'the joint did not move in 2 of 2' in out
     assert '>\u00a0' in out
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
     assert '>\u00a01.30' in html.unescape(page)

@@ -20,7 +20,7 @@ from friction_comp.evaluation.conditions import evaluate, evaluate_recordings
 from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import read_recording_with_info, RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
-from friction_comp.reports.evaluation_words import summary, verdict
+from friction_comp.reports.evaluation_words import remarks, verdict
 
 # 50 Hz is enough for tests that need no accuracy of a per mil.
 STEP = 2e-2
@@ -99,13 +99,11 @@ def test_the_verdict_compares_with_the_least_help_there_is():
 
 
 def test_the_verdict_says_what_was_compared_and_how_sure_it_is():
-    """Nobody's direction is called none, and the pairs that the page lists are counted."""
     evaluation = evaluate([both([1.0] * 10), both([0.4] * 10)], about=[KINETIC, LAW])
     words = verdict(evaluation)
-    assert 'with kinetic: **' in words
-    assert 'd = 0' not in words
-    assert 'a.yaml' not in words, 'the only model needs no name'
-    assert '10 pairs). One was recorded after the other' in words
+    assert 'knows the direction (continuous)' in words
+    assert 'does not (kinetic): **' in words
+    assert 'One was recorded after the other' in words
     test, = (c for c in evaluation.comparisons if c.figure == 'peak_torque')
     assert (test.first.law, test.second.law) == ('kinetic', 'continuous')
     two = evaluate([both([1.0] * 10), both([0.4] * 10)], about=[
@@ -121,17 +119,18 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     # The command to a joint at rest is zero although the law is active.
     idle = evaluate([stuck.with_(command=np.zeros(len(stuck)))], about=[KINETIC])
     assert {c.compensation.law for c in idle.conditions} == {'kinetic'}
-    words = summary(evaluation)
-    assert 'instead of more than **' in words
+    words = verdict(evaluation)
+    assert 'and more than **' in words
     assert 'at least **' in words
-    assert 'With d = ±1 · kinetic the joint did not move in 10 of 10 movements.' in words
+    assert remarks(evaluation) == [
+        'With d = ±1 · kinetic the joint did not move in 10 of 10 movements.']
     other = evaluate([both([1.0] * 10), stuck], about=[KINETIC, LAW])
     assert not other.is_bound
     # The second torque may be more than the bound.
-    words = summary(other)
+    words = verdict(other)
     assert ('at most **' if other.reduction('peak_torque') >= 0.0 else 'at least **') in words
     neither = evaluate([stuck, stuck.with_(load=0.5 * stuck.load)], about=[KINETIC, LAW])
-    words = summary(neither)
+    words = verdict(neither)
     assert 'less**, of torques that did not always suffice' in words
     assert 'at least' not in words
     assert 'at most' not in words

@@ -17,8 +17,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import simulator_joint
-from friction_comp.reports.fleet_report import fleet_verdict
-from friction_comp.reports.refinement_overviews import each_report
+from friction_comp.reports.fleet_page import each_page, fleet_verdict
 from friction_comp.samples import Samples
 
 RATE, WIDTH = 100.0, 0.02
@@ -164,7 +163,7 @@ def test_few_units_are_not_compared(model):
 
 def test_the_page_names_units_parameters_and_intervals(population):
     content = {'recordings': [], 'failed': [], 'not_done': 0}
-    page = each_report(content, [population]).html()
+    page = each_page(content, [population]).html()
     for text in ('3 of 40 units are out', 'unit_17', 'error of the common model', 'fleet.json'):
         assert text in page
     assert '<script src' not in page

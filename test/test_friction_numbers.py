@@ -17,7 +17,7 @@ from friction_comp.model.measured import Breakaway, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import simulator_joint
 from friction_comp.refinement import refine
-from friction_comp.reports.friction_words import number_lines, number_rows
+from friction_comp.reports.refinement_words import friction_rows
 from friction_comp.samples import Samples
 from friction_comp.units import in_own_units
 
@@ -52,7 +52,8 @@ def test_the_numbers_are_those_of_the_drive_and_their_intervals_hold_them(refine
     assert friction.coulomb_with_load is None
     # A torque from another unit stands beside it, but a force in N is none.
     for unit, stands in (('A', True), ('N·m', False), ('N', False)):
-        assert any(row.torque for row in number_rows(replace(friction, unit=unit))) == stands
+        assert any('N·m' in row.remark for row in friction_rows(
+            replace(friction, unit=unit))) == stands
     # Without an effect and without a model given, there are intervals as well.
     assert refined.model.recorded.speeds[-1] == pytest.approx(4.0, rel=0.1)
 
@@ -159,7 +160,7 @@ def test_friction_by_load_stands_once_and_beside_coulomb_friction():
     assert numbers.coulomb == joint.coulomb == pytest.approx(1.2)
     assert numbers.coulomb_with_load == pytest.approx(truth, rel=0.02)
     assert numbers.formula.count('0.12·') == 1
-    assert 'without load' in number_rows(numbers)[0].remark
+    assert 'without load' in friction_rows(numbers)[0].remark
     assert any('inner load friction' in line for line in joint.left_out)
     assert any(f'{numbers.coulomb_with_load:.4g} N·m' in line for line in joint.left_out)
     # What a file of an earlier version does not hold, is not said.
@@ -171,7 +172,7 @@ def test_friction_by_load_stands_once_and_beside_coulomb_friction():
 def test_breakaway_that_holds_a_weight_is_no_friction():
     held = replace(PLAIN, breakaway=Breakaway(4.69, -1.19, 0.1, 0.1))
     numbers = friction_of(held)
-    row = number_rows(numbers)[3]
+    row = friction_rows(numbers)[3]
     assert row.name == 'breakaway'
     assert row.value == '2.94 N·m'
     assert numbers.breakaway['friction'] + numbers.breakaway['held'] == pytest.approx(4.69)
@@ -181,11 +182,10 @@ def test_breakaway_that_holds_a_weight_is_no_friction():
 def test_a_mass_is_in_kg():
     axis = replace(PLAIN, drive=Drive(62.0, 1.0), notes={'unit': 'A', 'position_unit': 'm'},
                    effects=[EFFECTS['inertia']({'coefficients': [9.0 / 62.0]})])
-    mass = in_own_units(number_lines(friction_of(axis))[-1], axis.is_linear)
-    assert '9.00 kg ' in mass
-    assert 'kg·m' not in mass
+    mass = in_own_units(friction_rows(friction_of(axis))[-1].remark, axis.is_linear)
+    assert mass.endswith('9.00 kg, of the motor with all links that moved')
     force = replace(axis, drive=Drive(1.0, 1.0), notes={'unit': 'N', 'position_unit': 'm'})
-    assert '0.145 kg ' in in_own_units(number_lines(friction_of(force))[-1], True)
+    assert in_own_units(friction_rows(friction_of(force))[-1].value, True) == '0.145 kg'
 
 
 def test_a_delay_too_short_to_be_found_is_in_the_interval_of_inertia():
@@ -242,18 +242,16 @@ def test_a_coefficient_that_physics_keeps_at_zero_is_not_certain():
     assert high > 0.02
 
 
-def test_the_lines_name_every_number_with_interval_and_unit(refined):
-    lines = {line.split()[0]: line for line in number_lines(refined.report.friction)}
-    assert list(lines) == [
-        'Coulomb', 'viscous', 'offset', 'breakaway', 'presliding', 'transition', 'inertia']
-    for name, unit in (('Coulomb', 'N·m '), ('viscous', 'N·m·s/rad'), ('inertia', 'kg·m²')):
-        assert unit in lines[name]
-        assert ' to ' in lines[name]
-    assert 'all links that moved' in lines['inertia']
-    assert 'identification' in lines['breakaway']
+def test_the_rows_name_every_number_with_interval_and_unit(refined):
+    rows = {row.key: row for row in friction_rows(refined.report.friction)}
+    assert list(rows) == ['coulomb', 'viscous', 'offset', 'transition', 'inertia']
+    for name, unit in (('coulomb', 'N·m'), ('viscous', 'N·m·s/rad'), ('inertia', 'kg·m²')):
+        assert rows[name].value.endswith(f' {unit}')
+        assert ' to ' in rows[name].interval
     formula = refined.report.friction.formula
     assert formula.startswith('torque = 0.50')
     assert formula.endswith('[N·m, v in rad/s]')
+
 
 
 def test_friction_that_the_sigmoid_lacks_is_part_of_coulomb_friction():

@@ -8,7 +8,7 @@ import pytest
 
 from friction_comp import CompensationLaw, FrictionModel, refine, Samples
 from friction_comp.model.effects import Effect, EFFECTS, register, SearchRange
-from friction_comp.reports.refinement_report import refinement_report
+from friction_comp.reports.refinement_page import refinement_page
 from friction_comp.statistics import rms
 
 GAIN, REFERENCE = 0.06, 0.35
@@ -98,8 +98,8 @@ def test_an_effect_that_exists_only_here(own_effect, tmp_path):
     assert tight - loose == pytest.approx(expected, rel=0.1)
 
     page = tmp_path / 'report.html'
-    refinement_report(result, ['fresh']).save(page)
-    assert 'The joint gets tighter along its stroke' in page.read_text(encoding='utf-8')
+    refinement_page(result, ['fresh'], tmp_path).save(page)
+    assert 'the joint gets tighter along its stroke' in page.read_text(encoding='utf-8')
 
 
 def test_without_the_new_effect_no_other_replaces_it():

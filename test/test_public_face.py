@@ -90,8 +90,8 @@ before = dict(matplotlib.rcParams)
 with event.install_recorder('numba:compile') as recorder:
     for name in {names}:
         importlib.import_module(name)
-from friction_comp.reports.figures import new_figure, to_svg
-to_svg(new_figure()[0])
+from friction_comp.reports.figures import panels, to_svg
+to_svg(panels([''])[0])
 print(len(recorder.buffer), matplotlib.rcParams == before)
 """
     assert printed_by(code, NUMBA_CACHE_DIR=str(tmp_path)) == '0 True\n'

@@ -20,16 +20,17 @@ import numpy as np
 import pytest
 
 from friction_comp.__main__ import main, run
+from friction_comp.demo import ros_domain
+from friction_comp.demo.ros_domain import domains_in_use, leased_domain
 from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, output_folder, write_atomically
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import write_samples
 from friction_comp.samples import Samples
-from friction_comp.tools import demo, evaluate, predict, refine, reproduce, ros_domain
+from friction_comp.tools import demo, evaluate, predict, refine, reproduce
 from friction_comp.tools.common import Arguments
 from friction_comp.tools.refine_arguments import folder_names
-from friction_comp.tools.ros_domain import domains_in_use, leased_domain
 
 MODEL = ROOT / 'config' / 'armin_configuration_1.yaml'
 # Stands for an environment in which nothing of ROS 2 is installed.
@@ -255,7 +256,7 @@ def test_names_that_differ_only_in_odd_letters_get_folders_of_their_own():
 
 HOLD = """
 import sys
-from friction_comp.tools.ros_domain import leased_domain
+from friction_comp.demo.ros_domain import leased_domain
 with leased_domain() as number:
     print(number, flush=True)
     sys.stdin.read()
@@ -275,7 +276,7 @@ def test_a_leased_domain_is_exclusive_and_freed_if_its_process_is_killed(monkeyp
         assert len(held) == len(set(held)) <= len(free)
     other = subprocess.Popen(
         [sys.executable, '-c', HOLD.replace(
-            'with', 'from friction_comp.tools import ros_domain\n'
+            'with', 'from friction_comp.demo import ros_domain\n'
             'ros_domain._DOMAINS = range(95, 98)\nwith')],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})

@@ -8,12 +8,16 @@ from dataclasses import replace
 import importlib.util
 from pathlib import Path
 
+import numpy as np
+
 from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.demo import pages
 from friction_comp.demo.system import DemoSystem
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.exercise.exercise_script import load_exercise
+from friction_comp.exercise.taught_exercise import teach
+from friction_comp.files import to_yaml, write_atomically
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
 from friction_comp.package_files import package_file
@@ -21,8 +25,7 @@ from friction_comp.recordings import read_arm
 from friction_comp.reports.evaluation_page import evaluation_page
 from friction_comp.reports.evaluation_words import peaks_of
 from friction_comp.samples import Samples
-from friction_comp.tools.common import progress
-from friction_comp.tools.teach import main as teach
+from friction_comp.terminal import progress
 
 # Joints of the arm, with the note's configuration whose drive they have.
 ARM = {'turn': 1, 'lift': 2, 'bend': 1}
@@ -79,12 +82,14 @@ def play_arm(system: DemoSystem) -> None:
     system.record('taught', 'a person guides it, with help against friction',
                   exercise_file=package_file('config', 'exercises', 'guided_arm.yaml'),
                   announce_direction=False)
-    teach([str(system.recording('taught')), '--output', str(exercise)])
+    gains = {joint: model.drive.torque_per_current for joint, model in drives.items()}
+    guided = _recorded_joints(system.recording('taught'), gains)
+    taught = teach(list(ARM), guided['turn'].time, np.column_stack(
+        [guided[joint].position for joint in ARM]))
+    write_atomically(exercise, to_yaml(taught.document))
     system.ros.set_parameter('compensator', 'law', 'none')
     system.record('alone', 'the taught exercise, without any help', exercise_file=exercise)
-    gains = {joint: model.drive.torque_per_current for joint, model in drives.items()}
-    guided, alone = (_recorded_joints(system.recording(name), gains)
-                     for name in ('taught', 'alone'))
+    alone = _recorded_joints(system.recording('alone'), gains)
     with progress('refines the arm') as show:
         result = refine_arm(
             {joint: [samples] for joint, samples in alone.items()},
@@ -103,12 +108,12 @@ def play_arm(system: DemoSystem) -> None:
 
     helped = _recorded_joints(system.recording('helped'), gains)
     peaks = pages.peaks_of(alone, helped)
-    taught = pages.compared_with_taught(load_exercise(exercise), {
+    compared = pages.compared_with_taught(load_exercise(exercise), {
         'guided': guided, 'alone': alone, 'helped': helped})
     system.finish(
-        pages.arm_page(alone, helped, result, exercise, taught),
-        {'joints': peaks, 'arm': result.report(), 'taught': taught},
-        pages.taught_words(taught),
+        pages.arm_page(alone, helped, result, exercise, compared),
+        {'joints': peaks, 'arm': result.report(), 'taught': compared},
+        pages.taught_words(compared),
         *(f'{joint}: the person gives {own["alone"]["rms"]:.2f} N·m RMS, '
           f'{own["alone"]["peak"]:.2f} at most, without help; '
           f'{own["helped"]["rms"]:.2f} and {own["helped"]["peak"]:.2f} with it'

@@ -21,7 +21,7 @@ from friction_comp.parallel import child_process
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine, RefineResult
 from friction_comp.samples import Samples
-from friction_comp.tools.common import progress
+from friction_comp.terminal import progress
 
 JOINT = 'armin_1'
 TRUE_MODEL = package_file('config', 'armin_configuration_1.yaml')

@@ -16,18 +16,18 @@ from typing import Any
 
 from rich.console import Console
 
-from friction_comp.errors import InputError
-from friction_comp.reports.html import Report
-from friction_comp.results import write_report
-from friction_comp.ros.tool_client import ToolClient
-from friction_comp.tools.common import progress
-from friction_comp.tools.processes import (
+from friction_comp.demo.processes import (
     IN_LOCKSTEP,
     Nodes,
     only_user,
     plant_parameters,
     SAMPLE_TIME,
 )
+from friction_comp.errors import InputError
+from friction_comp.reports.html import Report
+from friction_comp.results import write_report
+from friction_comp.ros.tool_client import ToolClient
+from friction_comp.terminal import progress
 
 # Folders of a demo's results, and the file that marks them as such: the next demo removes them.
 _FOLDERS, _MARKER = ('recordings', 'models', 'logs'), '.demo'

@@ -9,11 +9,11 @@ from dataclasses import replace
 from friction_comp.demo.exercises import PERSON
 from friction_comp.demo.loop import JOINT, recorded, TRUE_MODEL
 from friction_comp.demo.pages import HandTrial, to_and_fro_page
+from friction_comp.demo.processes import SAMPLE_TIME
 from friction_comp.demo.system import DemoSystem
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.package_files import package_file
-from friction_comp.tools.processes import SAMPLE_TIME
 
 # Folder, title, law, and whether the exercise announces the direction.
 WAYS = (('none', 'no help', 'none', False),

@@ -50,6 +50,8 @@ class Movement:
 
 def find_movements(samples: Samples) -> list[Movement]:
     """Return the movements of one recording in order of time: the reference's, else the joint's."""
+    if len(samples) < 2:
+        return []
     velocity = _reference_velocity(samples)
     moving, constant, shortest_travel = _MOVING, _CONSTANT, 0.0
     if velocity is None:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 import math
 from typing import NamedTuple
 
@@ -62,9 +63,16 @@ def verdict(evaluation: Evaluation) -> str:
         return _nothing_to_compare(evaluation)
     before, after = (f'{"more than " * text.startswith("> ")}**{text.lstrip("> ")} N·m**'
                      for text in peaks.torques)
-    without = 'without help' if peaks.pair[0].law == 'none' else 'when it does not'
-    text = (f'When the robot knows the direction, the person needs {after} to set the joint in '
-            f'motion, and {before} {without}: {peaks.change}.')
+    first, second = peaks.pair
+    without, laws = 'without help', ('', '')
+    if first.law != 'none':
+        without = 'when it does not'
+        # Laws and models only where they differ, too.
+        if replace(first, announced=1) != second:
+            laws = tuple(f' ({" · ".join(evaluation.names_of(one)[1:]) or "an unknown law"})'
+                         for one in peaks.pair)
+    text = (f'When the robot knows the direction{laws[1]}, the person needs {after} to set the '
+            f'joint in motion, and {before} {without}{laws[0]}: {peaks.change}.')
     test = peaks.test
     if test is not None and test.untested:
         text += f' Whether this is so is not known: {test.untested}.'

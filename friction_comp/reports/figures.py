@@ -29,9 +29,9 @@ T = TypeVar('T')
 
 # From the palettes of Okabe and Ito (2008), legible on white and near-black.
 COLOURS = {
-    'measured': '#7a8491', 'predicted': '#0b78c2', 'before': '#9a6fc4',
-    'no help': '#d55e00', 'unknown': '#c9609a', 'known': '#009e73', 'other': '#b8860b',
-    'refined': '#3f7fbf', 'out': '#d2454f', 'faint': '#9aa5b1'}
+    'measured': '#7a8491', 'predicted': '#0b78c2', 'before': '#c98500',
+    'no help': '#d55e00', 'unknown': '#d98cc4', 'known': '#009e73', 'other': '#e6c229',
+    'refined': '#1f4fa0', 'out': '#d2454f', 'faint': '#9aa5b1'}
 """What a colour stands for: measured and predicted values, the friction curve alone (or the model
 given); no help, help without and with a known direction, with another law or model."""
 # Placeholder for the page's text colour, which replaces it in the SVG.

@@ -46,7 +46,7 @@ class Row(NamedTuple):
 
 
 def friction_rows(friction: FrictionNumbers) -> list[Row]:
-    """Return a row for each number of friction in sliding, and of breakaway where it is known."""
+    """Return a row for each number of friction, and for the inertia, of those that are known."""
     remarks = {'transition': 'speed over which friction changes sign'}
     if friction.offset is None:
         remarks |= {'coulomb': 'with the offset: the motion was in one direction',
@@ -70,14 +70,16 @@ def friction_rows(friction: FrictionNumbers) -> list[Row]:
         rows.append(Row('presliding', 'presliding', *_texts(middle, [
             max(middle - 2.0 * spread, 0.0), middle + 2.0 * spread] if spread else None, 'mrad'),
             'from rest until the gear slides'))
-    return [*rows, _row(friction, 'transition', remarks['transition'])]
+    rows.append(_row(friction, 'transition', remarks['transition']))
+    if friction.inertia is not None:
+        rows.append(_row(friction, 'inertia', f'of {friction.inertia_holds}'))
+    return rows
 
 
 def effect_rows(report: RefinementReport) -> list[Row]:
-    """Return a row for the inertia and for each effect that was found, the largest first."""
-    friction, sizes = report.friction, {one.name: one.size or 0.0 for one in report.friction.beside}
-    rows = [_row(friction, 'inertia', '' if friction.inertia is None
-                 else friction.inertia_holds)] if friction.inertia is not None else []
+    """Return a row for each effect that was found but the inertia, the largest first."""
+    sizes = {one.name: one.size or 0.0 for one in report.friction.beside}
+    rows = []
     for effect in sorted(report.effects, key=lambda one: -sizes.get(one.name, math.inf)):
         if effect.name == 'inertia':
             continue

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arguments and progress, shared by all tools.
+"""Arguments and results, shared by all tools.
 
 Tools import their computations only after parsing the arguments, so that ``--help`` and invalid
 arguments are answered at once.
@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import argparse
 from argparse import Namespace
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 import math
 from pathlib import Path
 import re
@@ -216,29 +216,3 @@ def print_results(arguments: Namespace, content: dict[str, Any], lines: Iterable
     else:
         print(*lines, *([arguments.output / made] if made else []), sep='\n')
     return 0
-
-
-@contextmanager
-def progress(description: str) -> Iterator[Callable[..., None]]:
-    """Show a progress bar on standard error while the block runs, if that is a terminal.
-
-    Yields ``report(share, description=None)`` for the share 0..1 that is done, None if unchanged.
-    """
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    columns = (TextColumn('{task.description}'), BarColumn(), TextColumn(
-        '{task.percentage:>3.0f} %'), TimeElapsedColumn())
-    if not console.is_terminal:
-        # Rich 13 ends even a disabled bar with an empty line.
-        yield lambda *_, **__: None
-        return
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(description, total=1.0)
-
-        def report(share: float | None, description: str | None = None) -> None:
-            completed = None if share is None else min(max(float(share), 0.0), 1.0)
-            bar.update(task, completed=completed, description=description)
-
-        yield report

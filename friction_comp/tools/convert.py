@@ -13,7 +13,8 @@ from pathlib import Path
 from friction_comp.errors import InputError
 from friction_comp.files import check_file
 from friction_comp.stamps import NANO
-from friction_comp.tools.common import Arguments, progress
+from friction_comp.terminal import progress
+from friction_comp.tools.common import Arguments
 from friction_comp.tools.refine_arguments import layout_of
 
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from friction_comp.demo.ros_domain import private_domain
 from friction_comp.files import check_folder
 from friction_comp.tools.common import Arguments, whole_number
-from friction_comp.tools.ros_domain import private_domain
 
 SCENES = {
     'loop': 'identify, compensate, evaluate, refine, compensate again',

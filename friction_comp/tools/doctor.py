@@ -23,7 +23,8 @@ from friction_comp.monitoring import network
 from friction_comp.monitoring.observation import Finding, NOTE, Observation, OK, PROBLEM, WARNING
 from friction_comp.package_files import add_environment_to_ament_path, middlewares
 from friction_comp.results import to_json
-from friction_comp.tools.common import Arguments, positive, progress
+from friction_comp.terminal import progress
+from friction_comp.tools.common import Arguments, positive
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel

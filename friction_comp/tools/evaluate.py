@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from friction_comp.tools.common import Arguments, print_results, progress, write_results
+from friction_comp.terminal import progress
+from friction_comp.tools.common import Arguments, print_results, write_results
 from friction_comp.tools.refine_arguments import layout_of
 
 

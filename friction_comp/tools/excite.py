@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 from friction_comp import __version__
 from friction_comp.errors import InputError
 from friction_comp.files import read_json
+from friction_comp.terminal import progress
 from friction_comp.tools.common import (
     Arguments,
     positive,
     print_results,
-    progress,
     whole_number,
     write_results,
 )

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from friction_comp.tools.common import Arguments, progress
+from friction_comp.terminal import progress
+from friction_comp.tools.common import Arguments
 
 # s within which the other side must respond.
 _PATIENCE = 20.0

@@ -18,7 +18,8 @@ import numpy as np
 from friction_comp.column_values import to_csv
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import write_atomically
-from friction_comp.tools.common import Arguments, progress
+from friction_comp.terminal import progress
+from friction_comp.tools.common import Arguments
 from friction_comp.tools.refine_arguments import layout_of
 from friction_comp.units import in_own_units
 

@@ -8,7 +8,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from friction_comp.errors import InputError
-from friction_comp.tools.common import Arguments, positive, print_results, progress
+from friction_comp.terminal import progress
+from friction_comp.tools.common import Arguments, positive, print_results
 from friction_comp.tools.refine_arguments import check_tables, given_of
 from friction_comp.units import in_own_units, signal_with_unit
 

@@ -21,7 +21,8 @@ from friction_comp.reports.fleet_page import arm_page
 from friction_comp.reports.refinement_page import refinement_page
 from friction_comp.reports.refinement_words import summary_lines
 from friction_comp.results import write_report
-from friction_comp.tools.common import print_results, progress
+from friction_comp.terminal import progress
+from friction_comp.tools.common import print_results
 from friction_comp.tools.refine_arguments import folder_names, given_of
 
 

@@ -32,7 +32,8 @@ from friction_comp.recordings.condense import read_condensed
 from friction_comp.recordings.pieces import Piece, pieces_of
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.results import to_json
-from friction_comp.tools.common import progress, write_results
+from friction_comp.terminal import progress
+from friction_comp.tools.common import write_results
 from friction_comp.tools.refine_arguments import folder_names, given_of, layout_of
 
 # Recordings from which processes save more time than their start takes, some seconds each.

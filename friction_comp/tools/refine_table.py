@@ -26,7 +26,7 @@ from friction_comp.tools.refine_arguments import given_of
 from friction_comp.units import in_own_units
 from friction_comp.used_columns import Column
 
-_OTHER_OPTIONS = ('model', 'urdf', 'history', 'each', 'stiffness', 'rate')
+_OTHER_OPTIONS = ('model', 'urdf', 'each', 'stiffness', 'rate')
 
 
 def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:

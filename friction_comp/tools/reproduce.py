@@ -11,7 +11,8 @@ from typing import Any
 
 from friction_comp.files import output_folder
 from friction_comp.results import to_json
-from friction_comp.tools.common import Arguments, progress, whole_number
+from friction_comp.terminal import progress
+from friction_comp.tools.common import Arguments, whole_number
 
 
 def main(argv: list[str] | None = None) -> int:
