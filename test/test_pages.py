@@ -229,7 +229,7 @@ def test_the_numbers_of_a_page_are_those_of_the_report(evaluation, refined):
     assert texts['error'] == {quantity(report.after.held_out_rmse, report.unit)}
     assert texts['before'] == {quantity(report.before.held_out_rmse, report.unit)}
     assert texts['coulomb'] == {f'{report.friction.coulomb:.3f} N·m'}
-    shown = {text for _, text in evaluation_page([evaluation]).values}
+    shown = {text for own in texts_of(evaluation_page([evaluation])).values() for text in own}
     assert shown == {f'{number(mean)} N·m' for mean in evaluation.compared('peak_torque')}
 
 

@@ -69,8 +69,9 @@ def verdict(evaluation: Evaluation) -> str:
         without = 'when it does not'
         # Laws and models only where they differ, too.
         if replace(first, announced=1) != second:
-            laws = tuple(f' ({" · ".join(evaluation.names_of(one)[1:]) or "an unknown law"})'
-                         for one in peaks.pair)
+            plain, helped = (f' ({" · ".join(evaluation.names_of(one)[1:]) or "an unknown law"})'
+                             for one in peaks.pair)
+            laws = plain, helped
     text = (f'When the robot knows the direction{laws[1]}, the person needs {after} to set the '
             f'joint in motion, and {before} {without}{laws[0]}: {peaks.change}.')
     test = peaks.test
