@@ -18,17 +18,16 @@ import math
 import os
 from pathlib import Path
 import re
-import shutil
 import stat
-import tempfile
-from typing import Any, BinaryIO
-import uuid
-import xml.etree.ElementTree as ElementTree
+from typing import Any, BinaryIO, TYPE_CHECKING
 import zlib
 
 import yaml
 
 from friction_comp.errors import InputError, one_line, os_errors_name
+
+if TYPE_CHECKING:
+    import xml.etree.ElementTree as ElementTree
 
 AnyPath = str | os.PathLike[str]
 PACKED = 1000
@@ -140,14 +139,18 @@ def library_for(path: Path, name: str, extra: str, files: str) -> Any:
 
 # Documents.
 
-class _PlainLoader(yaml.SafeLoader):
+# By libyaml, where PyYAML has it, in a tenth of the time.
+_Loader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+
+
+class _PlainLoader(_Loader):  # type: ignore[misc] # one of two classes
     """Reads the plain values of YAML 1.2, and rejects duplicate keys.
 
     PyYAML's own loader (YAML 1.1) reads 3:00 as 180, 3_000 as 3000, 010 as 8 and 'no' as false, and
     silently keeps the last of two equal keys.
     """
 
-    yaml_implicit_resolvers = {}
+    yaml_implicit_resolvers: dict[Any, Any] = {}
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         seen = set()
@@ -193,15 +196,14 @@ def parse_yaml(text: str, where: object, long: bool = False) -> Any:
     """Return the plain values of a YAML document; raises InputError if it is not valid.
 
     What is nested deeply is refused, and so are references, a few of which fill the memory. In a
-    `long` document, which ROS wrote, they count as what they repeat; libyaml, where PyYAML has it,
-    reads it in a tenth of the time. See `_PlainLoader` for all others.
+    `long` document, which ROS wrote, they count as what they repeat. See `_PlainLoader` for all
+    others.
     """
-    quick = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
     try:
         # Anchor and number of values of each collection that is open; the numbers of closed ones.
         inside: list[tuple[str | None, int]] = [(None, 0)]
         repeated: dict[str | None, int] = {}
-        for event in yaml.parse(text, Loader=quick):
+        for event in yaml.parse(text, Loader=_Loader):
             count = int(isinstance(event, yaml.ScalarEvent))
             if isinstance(event, yaml.AliasEvent):
                 count = repeated.get(event.anchor, 1) if long else _MOST
@@ -215,7 +217,7 @@ def parse_yaml(text: str, where: object, long: bool = False) -> Any:
             if inside[-1][1] >= _MOST or len(inside) > _DEEPEST:
                 raise yaml.YAMLError('references (*) are not allowed' if isinstance(
                     event, yaml.AliasEvent) else 'it holds too much, or is nested too deeply')
-        return yaml.load(text, Loader=quick if long else _PlainLoader)
+        return yaml.load(text, Loader=_Loader if long else _PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f'{where}: not a YAML document: {one_line(error)}') from None
 
@@ -240,6 +242,8 @@ def read_json(path: AnyPath) -> Any:
 
 def read_xml(path: AnyPath) -> tuple[str, ElementTree.Element]:
     """Return text and root of an XML file without entities; raises InputError if it is none."""
+    import xml.etree.ElementTree as ElementTree
+
     text = read_text(path)
     try:
         if '<!ENTITY' in text:
@@ -305,7 +309,7 @@ def write_atomically(path: AnyPath, content: str | bytes, sync: bool = True,
                 stream.write(data)
             return
         _keep_input(path, is_model)
-        draft = path.with_name(f'.{uuid.uuid4().hex}')
+        draft = path.with_name(f'.{_unique()}')
         try:
             with draft.open('xb') as stream:
                 stream.write(data)
@@ -361,6 +365,11 @@ def output_folder(path: Path) -> Iterator[Path]:
         made.clear()
 
 
+def _unique() -> str:
+    """Return a name that no file has."""
+    return os.urandom(12).hex()
+
+
 @contextmanager
 def _beside(path: Path) -> Iterator[tuple[Path, list[Path]]]:
     """Yield a hidden folder beside `path`, which is removed, and which folders were made for it.
@@ -368,7 +377,7 @@ def _beside(path: Path) -> Iterator[tuple[Path, list[Path]]]:
     These are removed, too, unless the list is emptied. Errors of the system name the path.
     """
     made = [folder for folder in path.parents if not folder.exists()]
-    unfinished = path.with_name(f'.unfinished.{uuid.uuid4().hex}')
+    unfinished = path.with_name(f'.unfinished.{_unique()}')
     try:
         unfinished.mkdir(parents=True)
         yield unfinished, made
@@ -376,6 +385,8 @@ def _beside(path: Path) -> Iterator[tuple[Path, list[Path]]]:
         raise InputError(f'{path.parent if made else path}: cannot be written: '
                          f'{error.strerror or error}') from None
     finally:
+        import shutil  # imported late: it takes long, and a single file needs none of it
+
         shutil.rmtree(unfinished, ignore_errors=True)
         # Without success, folders that were made are removed as well, the innermost first.
         for folder in made:
@@ -408,8 +419,9 @@ def check_folder(path: AnyPath) -> None:
         if not folder.is_dir():
             raise InputError(f'{path}: cannot be written to: {folder} is not a folder')
         # Permissions are not sufficient: a file system may be full or read-only.
-        with tempfile.TemporaryFile(dir=folder):
-            pass
+        probe = folder / f'.{_unique()}'
+        with probe.open('xb'):
+            probe.unlink()
 
 
 def check_file(path: AnyPath) -> None:
