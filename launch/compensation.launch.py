@@ -21,7 +21,7 @@ from launch_ros.actions import LifecycleNode
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from friction_comp.ros.misspelt import check_arguments
+from friction_comp.ros.parameters import check_arguments
 
 
 def generate_launch_description():

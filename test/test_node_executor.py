@@ -172,6 +172,23 @@ def test_a_node_that_cannot_go_on_ends(room):
         until(executor, lambda: False)
 
 
+def test_streams_go_on_beside_work_that_takes_long(room):
+    probe, node, executor = room
+
+    def work():
+        until_heard = time.monotonic() + PATIENCE
+        while not node.heard and time.monotonic() < until_heard:
+            time.sleep(0.01)
+        return len(node.heard)
+
+    def fail():
+        raise ZeroDivisionError('as if')
+    probe._published['first'].publish(Int32(data=1))
+    assert executor.do_beside(work, 'work') == 1
+    with pytest.raises(InputError, match='as if'):
+        executor.do_beside(fail, 'work')
+
+
 WRITER = """
 import time
 from rclpy.duration import Duration

@@ -23,12 +23,13 @@ import yaml
 from friction_comp.control.joint_states import AGAIN, JointStateInput, NEW, STALE
 from friction_comp.errors import InputError
 from friction_comp.identification.carried import Carried
-from friction_comp.identification.goal import IdentificationGoal
+from friction_comp.identification.goal import GOAL_LIMITS, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.goals import DEFAULT_SPEEDS, make_goal, RunningGoal
+from friction_comp.nodes.goals import make_goal, RunningGoal
 from friction_comp.nodes.identification import IdentificationNode
+from friction_comp.ros.parameters import described
 from friction_comp.simulation.joint import Plant
 
 # A name with slashes, as of an arm in a namespace, must not name another folder.
@@ -210,8 +211,10 @@ def test_identifies_a_drive(system):
 
 
 def test_default_speeds_fit_the_range_of_a_goal():
-    defaults = {'speeds': DEFAULT_SPEEDS, 'motion_range': 1.0, 'ramp_slope': 0.0,
-                'ramp_period': 10.0, 'breakaway_cycles': 20}
+    parameters = {one.name: one for one in described('identification')}
+    defaults = {name: parameters[f'default_{name}'].default for name in GOAL_LIMITS}
+    assert all(parameters[f'default_{name}'].range[1] == highest
+               for name, (_, highest, _) in GOAL_LIMITS.items() if name != 'speeds')
     request = IdentifyFriction.Goal(joint=JOINT, motion_range=0.2)
     _, goal = make_goal(request, [JOINT], defaults)
     assert 0.8 < goal.speeds[-1] < 1.2
@@ -256,7 +259,7 @@ def test_what_was_measured_is_not_lost_with_its_file(tmp_path):
     (tmp_path / 'gone').write_text('no folder')
     node = SimpleNamespace(
         _joints=[JOINT], _models=[model], _carried=Carried([JOINT], [model]),
-        get_parameter=lambda _: SimpleNamespace(value=str(tmp_path / 'gone')),
+        _settings={'output_folder': str(tmp_path / 'gone')},
         get_logger=lambda: SimpleNamespace(error=logged.append))
     result = IdentifyFriction.Result()
     with pytest.raises(InputError, match='gone.*The result has what was measured'):

@@ -368,7 +368,7 @@ def test_a_cheap_sensor_measures_the_person_and_fails_on_request(tmp_path):
         # The person wants to be somewhere else: 2 N·m and more.
         pushed, _ = scatter(200, 0.4)
         assert pushed > 3.0 + 2.0 * quiet
-        assert 'must be none or flat' in hand.probe.set_parameter('plant', 'sensor_fault', 'mood')
+        assert 'one of none, flat' in hand.probe.set_parameter('plant', 'sensor_fault', 'mood')
         assert hand.probe.set_parameter('plant', 'sensor_fault', 'flat') is None
         scatter(20, 0.4)
         _, rows = scatter(60, 0.4)

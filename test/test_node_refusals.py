@@ -4,14 +4,11 @@
 
 from contextlib import contextmanager, ExitStack, suppress
 import signal
-import threading
 import time
 
 from node_process import Process, ROOT, ros_arguments
 import pytest
-from rcl_interfaces.srv import SetParameters
 import rclpy
-from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from ros_system import joint_state, MODELS, own_domain, probe_node
@@ -27,12 +24,10 @@ from friction_comp.nodes.identification import IdentificationNode
 from friction_comp.nodes.plant import PlantNode
 from friction_comp.nodes.recorder import RecorderNode
 from friction_comp.nodes.refinement import RefinementNode
-from friction_comp.ros.misspelt import unknown_remappings
+from friction_comp.ros.parameters import described
 
 ONE = {'joints': ['elbow'], 'model_files': MODELS[:1]}
 BROKEN_MODEL = 'format: friction_comp_model\nversion: 1\njoint: [\n'
-# Given at the start, or of every node in ROS 2.
-GIVEN = {'joints', 'model_files', 'use_sim_time', 'start_type_description_service'}
 ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: ghost}]\n'
 
 
@@ -54,7 +49,7 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('compensator', {**ONE, 'joints': 'elbow'}, (), "it is a list, such as ['joint']"),
     ('compensator', {}, (), 'must have the name of this node'),
     ('compensator', {**ONE, 'command_interface': 'voltage'}, (),
-     'command_interface: must be current or effort'),
+     'command_interface: must be one of current, effort'),
     ('identification', {**ONE, 'default_speeds': [1]}, (), 'default_speeds'),
     ('identification', {**ONE, 'default_speeds': []}, (), 'default_speeds: has no value'),
     ('exercise', {'announcement': 3.0, 'standstill': 1.0}, (), 'announcement'),
@@ -146,63 +141,27 @@ def in_this_process(kind, *arguments):
             rclpy.shutdown()
 
 
-@pytest.mark.parametrize(('rules', 'told'), [
-    (['dirction:=foo', 'joint_states:=/arm/joint_states', '__ns:=/left', 'lidar:=scan'],
-     ['remapping dirction has no effect: is it direction?']),
-    (['~/reset_falts:=reset', 'rosservice://~/reset_faults:=again', 'other:current_comand:=foo'],
-     ['remapping ~/reset_falts has no effect: is it reset_faults?']),
-    (['compensator:current_comand:=foo', 'current_command:=/controller/commands'],
-     ['remapping current_comand has no effect: is it current_command?'])])
-def test_a_misspelt_remapping_is_told(rules, told):
-    arguments = ['--ros-args', *(part for rule in rules for part in ('-r', rule))]
-    with in_this_process(CompensatorNode, *arguments) as node:
-        assert unknown_remappings(node, arguments) == told
-
-
 @pytest.mark.parametrize('kind', [CompensatorNode, DirectionNode, ExerciseNode, IdentificationNode,
                                   PlantNode, RecorderNode, RefinementNode])
-def test_the_parameter_file_has_all_parameters_with_their_defaults(kind, tmp_path, monkeypatch):
+def test_a_node_has_the_parameters_of_the_file(kind, tmp_path, monkeypatch):
+    """With their defaults, and refuses what is beyond a range or no choice."""
     monkeypatch.chdir(tmp_path)
+    file = yaml.safe_load((ROOT / 'config' / 'parameters.yaml').read_text(encoding='utf-8'))
     with in_this_process(kind) as node:
-        values = {name: parameter.value
-                  for name, parameter in node.get_parameters_by_prefix('').items()}
-        title = f'/**/{node.get_name()}'
-    file = ROOT / 'config' / 'parameters.yaml'
-    listed = yaml.safe_load(file.read_text())[title]['ros__parameters']
-    defaults = {name: value for name, value in values.items() if name not in GIVEN}
-    assert listed.keys() == defaults.keys()
-    for name, value in defaults.items():
-        same = pytest.approx(value, abs=1e-4) if name == 'default_speeds' or isinstance(
-            value, float) else value
-        assert listed[name] == same, name
-
-
-def test_models_of_several_requests_are_loaded_in_threads_of_their_own(monkeypatch):
-    with in_this_process(CompensatorNode) as node:
-        threads, load = [], node._load
-
-        def noted(files, **options):
-            threads.append(threading.current_thread())
-            return load(files, **options)
-        monkeypatch.setattr(node, '_load', noted)
-        answers = [SetParameters.Response() for _ in range(3)]
-        # The last two ask for the same model.
-        waiting = [node._parameter_services._set_parameters_callback(
-            SetParameters.Request(parameters=[
-                Parameter('model_files', value=[MODELS[number]]).to_parameter_msg()]), answer)
-            for number, answer in zip((1, 2, 2), answers)]
-        while waiting:
-            waiting = [request for request in waiting if next(request.__await__(), 'done') is None]
-        assert all(answer.results[0].successful for answer in answers)
-        assert len(threads) == 3
-        assert threading.main_thread() not in threads
-
-
-@pytest.mark.parametrize('end', ['stop_motor', 'leave'])
-def test_a_compensator_that_ends_cannot_be_activated_again(end):
-    with in_this_process(CompensatorNode) as node:
-        getattr(node, end)()
-        assert node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
-        assert node.trigger_activate() == TransitionCallbackReturn.FAILURE
-        assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
-        assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+        name, own = node.get_name(), set(node.get_parameters_by_prefix(''))
+        listed = file[f'/**/{name}']['ros__parameters']
+        entries = list(described(name))
+        assert {*listed, *({'joints', 'model_files'} & own)} == {one.name for one in entries}
+        assert own - {one.name for one in entries} == {
+            'use_sim_time', 'start_type_description_service'}
+        for one in entries:
+            if one.name in listed:
+                assert (node.get_parameter(one.name).value if not isinstance(one.default, list)
+                        else one.default) == listed[one.name]
+            assert one.meaning
+            wrong = one.range[-1] * 2 + 1 if one.range else 'odd'
+            if one.changes and (one.range or one.choices):
+                wrong = type(one.default)(wrong)
+                answer, = node.set_parameters([Parameter(one.name, value=wrong)])
+                assert not answer.successful
+                assert node.get_parameter(one.name).value == one.default

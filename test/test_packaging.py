@@ -21,7 +21,7 @@ import friction_comp
 from friction_comp import __main__ as entry
 from friction_comp.errors import InputError
 from friction_comp.package_files import add_environment_to_ament_path, package_file
-from friction_comp.ros.misspelt import check_arguments
+from friction_comp.ros.parameters import check_arguments
 
 NAMES = {**entry.NODES, **entry.TOOLS}
 MODULES = sorted((ROOT / 'friction_comp').rglob('*.py'))

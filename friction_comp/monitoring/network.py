@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import os
 import socket
 
 NO_PEER = ('compare ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE and RMW_IMPLEMENTATION of both '
@@ -23,10 +22,3 @@ def loopback_fault(address: str = '127.0.0.1') -> str:
         return ('this machine does not reach itself, its loopback interface is down '
                 f'({error.strerror or error}): ip link set lo up')
     return ''
-
-
-def alone(seconds: float) -> str:
-    """Return the warning for a node that found no other node within a time in s."""
-    domain = os.environ.get('ROS_DOMAIN_ID', '0')
-    return (f'no other node was found in {seconds:g} s, in ROS domain {domain}: '
-            + (loopback_fault() or NO_PEER))

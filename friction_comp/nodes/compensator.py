@@ -6,139 +6,246 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+import time
 import traceback
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from sensor_msgs.msg import JointState, Temperature
+from std_msgs.msg import Int8MultiArray
 from std_srvs.srv import Trigger
 
-from friction_comp.compensation.law import GRAVITY, LAWS
+from friction_comp.compensation.law import CompensationLaw
+from friction_comp.control.compensation_loop import CompensationLoop
 from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import load_compiled_code, Loaded, try_model
 from friction_comp.errors import InputError
 from friction_comp.model.motor_check import doubts, is_to_be_recorded_again, TORQUE, unit_of
-from friction_comp.nodes.configured_compensator import ConfiguredCompensator, SETTINGS
-from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, WARN
-from friction_comp.ros.joint_io import command_interface, input_qos
-from friction_comp.ros.model_loading import Loading, PatientParameterService
-from friction_comp.ros.parameters import (
-    declare,
-    declare_choice,
-    declare_joints,
-    LARGE,
-    load_models,
-    names_in,
-)
+from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
+from friction_comp.ros.joint_io import CommandPort, competing_publishers, QOS
+from friction_comp.ros.parameters import described, load_models, names_in, Settings
 from friction_comp.ros.ros_start import steady_timer
+from friction_comp.stamps import NANO, nanoseconds
 
+STAMPED = 'direction_stamped'
 # Real s between checks for other commanders and for faults that have ended.
 _CHECK_PERIOD = 0.1
+_UNUSUAL_LAWS = {
+    'desired': ("law: 'desired' pushes in the announced direction however the joint moves: it is "
+                'for joints that another controller moves along a reference',),
+    'paper': ("law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
+              'over-estimate of friction drives the joint',)}
+# What changes what a law commands: diagnostics show it where it is not the default, so that a
+# recording says under which settings its movements were made.
+_TUNING = [one for one in described('compensator')
+           if one.name in ('breakaway_gain', 'gravity', 'current_limit')]
+
+
+class ConfiguredCompensator(CompensationLoop):
+    """A loop with its topics, while it is configured; it answers while it is `active`."""
+
+    def __init__(self, node: Any, settings: Settings, loaded: Sequence[Loaded],
+                 faults: Faults) -> None:
+        self._node, self._settings = node, settings
+        self._joints, self._rate = settings.joints, Rate()
+        self._feeds: list[Any] = [None] * len(self._joints)
+        self._tell(loaded)
+        self.active = False
+        law = CompensationLaw([one.model for one in loaded], *self._tuning(),
+                              gravity=settings['gravity'])
+        zeros, simulated = [0.0] * len(self._joints), settings['use_sim_time']
+        self._commands = CommandPort(node, zeros, zeros, settings['command_interface'])
+        # Equal to the node's clock without simulated time, at a third of the cost.
+        now = (lambda: node.get_clock().now().nanoseconds) if simulated else time.time_ns
+        super().__init__(
+            self._joints, law, self._commands, faults,
+            round(NANO * settings['joint_state_timeout']), settings['direction_timeout'],
+            simulated, now=now)
+        self.inputs.watchdog.start()
+        waits = simulated and settings['wait_for_direction']
+        # The direction comes first: the executor takes its messages before the states.
+        self._subscriptions = [node.create_subscription(*topic, QOS[settings['input_reliability']])
+                               for topic in (
+            (Int8MultiArray, 'direction', self._on_direction),
+            (JointState, STAMPED, self._on_stamped_direction),
+            (Temperature, 'motor_temperature', self._on_temperature),
+            (JointState, 'joint_states', self._hear_in_step if waits else self.hear))]
+        self._warn_unusual()
+
+    def _hear_in_step(self, message: Any, info: dict[str, Any]) -> None:
+        """Answer a joint state, or wait for its direction: a plant in lockstep repeats it."""
+        if not (self.inputs.directions.outlived(self._now())
+                and self._node.count_publishers(self._node.resolve_topic_name(STAMPED))):
+            self.hear(message, info)
+
+    def _tuning(self) -> tuple[str, float, float]:
+        return (self._settings['law'], self._settings['breakaway_gain'],
+                self._settings['current_limit'])
+
+    def open(self) -> None:
+        """Start to answer joint states."""
+        self._find_publishers()
+        self.activate(self._commands.others())
+        self._commands.open()
+        self.active = True
+
+    def deactivate(self) -> None:
+        """Command zero current and stop publishing."""
+        self.active = False
+        self.stop()
+        self._commands.close()
+
+    def close(self) -> None:
+        """Command zero current, and release topics and models."""
+        self.deactivate()
+        self.inputs.watchdog.close()
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    def stop_motor(self) -> None:
+        """Command zero current until `resume`; may be called from any thread."""
+        self._commands.zero(permanent=True)
+
+    def resume(self, seconds: float) -> None:
+        """Begin anew after the process was stopped for some s."""
+        super().resume(seconds)
+        self._commands.release()
+
+    def told(self, loaded: Sequence[Loaded]) -> list[str]:
+        """Return what these models' files say against them, and what feeds forward otherwise."""
+        return [f'{joint} {text}' for joint, one, before in zip(self._joints, loaded, self._feeds)
+                for text in one.told(before)]
+
+    def _tell(self, loaded: Sequence[Loaded]) -> None:
+        self._told, self._feeds = self.told(loaded), [one.feed for one in loaded]
+        self._doubts = [f'{joint}: {text}' for joint, one in zip(self._joints, loaded)
+                        for text in doubts(one.model)]
+        for text in self._told:
+            self._node.get_logger().warning(text)
+
+    def apply(self, names: set[str], loaded: Sequence[Loaded] | None) -> None:
+        """Apply parameters that have changed; `loaded` if `model_files` is one of them."""
+        logger = self._node.get_logger()
+        if 'direction_timeout' in names:
+            self.inputs.directions.timeout = self._settings['direction_timeout']
+        if loaded is not None:
+            # Before they are used.
+            self._tell(loaded)
+            self.set_models([one.model for one in loaded])
+            logger.info(f'activated {", ".join(self._settings["model_files"])}')
+            self._warn_unusual()
+        if names & {'law', 'breakaway_gain', 'current_limit'}:
+            self.retune(*self._tuning())
+            logger.info('{}, breakaway_gain {:g}, current_limit {:g} A'.format(*self._tuning()))
+
+    def _warn_unusual(self) -> None:
+        logger = self._node.get_logger()
+        for text in (*_UNUSUAL_LAWS.get(self._settings['law'], ()), *self.unusual()):
+            logger.warning(text)
+        # Most models have some: a reason to know, none to look after.
+        for text in self.left_out():
+            logger.info(text)
+
+    def _on_direction(self, message: Any) -> None:
+        self.inputs.take_direction(message.data, self._now())
+
+    def _on_stamped_direction(self, message: Any) -> None:
+        self.inputs.take_stamped_direction(
+            message.name, message.velocity, nanoseconds(message.header.stamp), self._now(),
+            message.position, message.effort)
+
+    def _on_temperature(self, message: Any) -> None:
+        self.inputs.take_temperature(message.header.frame_id, message.temperature,
+                                     nanoseconds(message.header.stamp), self._now())
+
+    def check(self) -> None:
+        """Check for other publishers of states, directions and commands."""
+        self._find_publishers()
+        self.supervise(self._commands.others())
+
+    def _find_publishers(self) -> None:
+        self.inputs.set_sources(
+            competing_publishers(self._node, 'joint_states'),
+            competing_publishers(self._node, 'direction', STAMPED))
+
+    def status(self) -> tuple[bool, str]:
+        """Return whether all is well, and a message, while no fault is present."""
+        well, text = super().status()
+        return well and not self._doubts, '; '.join((text, *self._doubts))
+
+    def values(self) -> dict[str, Any]:
+        """Return the values for diagnostics."""
+        self._rate.count = self.heard
+        return {
+            'joint_states rate [Hz]': self._rate.per_second(),
+            'law': self._settings['law'], 'model_files': str(list(self._settings['model_files'])),
+            'settings': ', '.join(f'{one.name} {value}' for one in _TUNING
+                                  if (value := self._settings[one.name]) != one.default),
+            'said of the models': '; '.join(self._told),
+            'listeners to the command': self._commands.listeners,
+            **{f'fed forward, {place} [A]': [max(getattr(feed, place)) for feed in self._feeds]
+               for place in ('rest', 'sliding')}, **super().values()}
 
 
 class CompensatorNode(LifecycleNode):
     """Publishes one current command per joint state while active; zero in case of doubt."""
 
     def __init__(self) -> None:
-        super().__init__('compensator', start_parameter_services=False)
+        super().__init__('compensator')
         # Before anything can ask the node to drive: it would stop the process for a moment.
         load_compiled_code()
-        self._parameter_services = PatientParameterService(self)
         self._state = 'unconfigured'
         self._ending = False    # the motor is not driven any more
         self._configured: ConfiguredCompensator | None = None
         # Models of the request whose parameters are being set.
-        self.loaded: Loading | None = None
         self._candidates: list[Loaded] | None = None
         self._failure = ''
         self._faults = Faults(self.get_logger())
-        self._joints = declare_joints(self)
-        self._qos = input_qos(self)
-        self._declare()
-        self.add_on_set_parameters_callback(self._check_parameters)
+        self._settings = Settings(self, 'compensator')
+        self.add_on_set_parameters_callback(self._load_candidates)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.create_service(Trigger, '~/reset_faults', self._on_reset)
-        self._diagnostics = Diagnostics(self, self._report, self._joints, 'compensation')
+        self._diagnostics = Diagnostics(
+            self, self._report, self._settings.joints, 'compensation')
         steady_timer(self, _CHECK_PERIOD, self._check)
-        if declare(self, 'autostart', True, 'configure and activate at start'):
-            self._start()
-
-    def _declare(self) -> None:
-        declare(self, 'model_files', [],
-                'model file of each joint; a new one is validated, then activated, while the node '
-                'runs', changes=True)
-        declare(self, 'accept_record_again', False,
-                'also take models of which refine says `record again`', changes=True)
-        declare(self, 'law', 'continuous',
-                'continuous; desired: friction of the reference of another controller, which moves '
-                'the joint; paper: the note as printed; kinetic: its case without breakaway term, '
-                'which leaves no friction: a joint that is let go runs on; none: zero current',
-                changes=True,
-                constraints=f'one of {", ".join(LAWS)}')
-        declare(self, 'breakaway_gain', SETTINGS['breakaway_gain'],
-                'share of the mean breakaway current that is fed forward [1]', 0.0, 1.0,
-                changes=True)
-        declare_choice(self, 'gravity', GRAVITY, 'feed_forward, or left_to_robot: its own '
-                       "controller holds the limb's weight")
-        command_interface(self)
-        declare(self, 'current_limit', SETTINGS['current_limit'],
-                'largest current [A]; the limit of the model file applies if it is smaller; 0 '
-                'blocks all current', 0.0, LARGE, changes=True)
-        declare(self, 'direction_timeout', 0.5,
-                'age or silence after which the direction counts as 0 [s]', 0.001, 3600.0,
-                changes=True)
-        declare(self, 'wait_for_direction', False,
-                'in simulated time, answer a joint state only when the direction_stamped of its '
-                'tick has come, from the first one on: the middleware may lose one and repeat it')
-        declare(self, 'joint_state_timeout', 0.05,
-                'age or silence of joint_states that leads to zero current; silence is measured in '
-                'real time [s]', 0.001, 10.0)
-
-    def _start(self) -> None:
-        for trigger in (self.trigger_configure, self.trigger_activate):
+        for trigger in ((self.trigger_configure, self.trigger_activate)
+                        if self._settings['autostart'] else ()):
             if trigger() != TransitionCallbackReturn.SUCCESS:
-                raise InputError(self._failure or 'the node could not be configured and activated')
+                raise InputError(
+                    self._failure or 'the node could not be configured and activated')
 
-    def prepare(self, parameters: list[Any]) -> Loading | None:
-        """Start loading the models that are about to be set."""
-        given = {parameter.name: parameter.value for parameter in parameters}
-        files, accepts = given.get('model_files'), given.get('accept_record_again')
-        if self._configured is None or not isinstance(files, (list, tuple)):
-            return None
-        return Loading(names_in(files), partial(self._load, accepts=accepts))
-
-    def _load(self, files: Sequence[str], accepts: bool | None = None) -> list[Loaded]:
+    def _load(self, files: Sequence[str], accepts: bool) -> list[Loaded]:
         """Return validated models: checked, and run in a separate law.
 
-        `accepts` is what `accept_record_again` will be, by default what it is.
+        Those that refine wants to be recorded again only if `accepts` says so.
         """
-        accepts = self._value('accept_record_again') if accepts is None else accepts
         loaded = []
-        for model, path in zip(load_models(files, self._joints, for_motor=True), files):
-            if unit_of(model) == TORQUE and self._value('command_interface') == 'current':
+        for model, path in zip(load_models(files, self._settings.joints, for_motor=True), files):
+            if unit_of(model) == TORQUE and self._settings['command_interface'] == 'current':
                 raise InputError(
                     f'{path}: its figures are in N·m, the commands in A: set command_interface to '
                     'effort, or refine it with --torque-constant and --gear-ratio')
             if is_to_be_recorded_again(model) and not accepts:
                 raise InputError(f'{path}: {"; ".join(doubts(model))}. Set accept_record_again to '
                                  'drive the motor with it all the same')
-            loaded.append(try_model(model, self._value('gravity'), path))
+            loaded.append(try_model(model, self._settings['gravity'], path))
         return loaded
 
-    def _check_parameters(self, parameters: list[Any]) -> SetParametersResult:
-        """Refuse unusable values; the node continues with the present ones."""
-        models = None
+    def _load_candidates(self, parameters: list[Any]) -> SetParametersResult:
+        """Load the models that are about to be set, while the present ones go on."""
+        given = {parameter.name: parameter.value for parameter in parameters}
+        self._candidates, told = None, []
         try:
-            for parameter in parameters:
-                if parameter.name == 'law':
-                    _check_law(parameter.value)
-                if parameter.name == 'model_files' and self.loaded is not None:
-                    models = self.loaded.result()
+            if self._configured is not None and 'model_files' in given:
+                files = names_in(given['model_files'] or ())
+                accepts = given.get('accept_record_again', self._settings['accept_record_again'])
+                self._candidates = self.executor.do_beside(
+                    partial(self._load, files, accepts), ', '.join(files))
+                told = self._configured.told(self._candidates)
         except InputError as error:
             self.get_logger().warning(f'parameter refused: {error}')
             return SetParametersResult(successful=False, reason=str(error))
-        self._candidates = models
-        told = [] if models is None or self._configured is None else self._configured.told(models)
         return SetParametersResult(successful=True, reason='; '.join(told))
 
     def _apply_parameters(self, parameters: list[Any]) -> None:
@@ -147,19 +254,15 @@ class CompensatorNode(LifecycleNode):
             self._configured.apply({parameter.name for parameter in parameters}, models)
             self._diagnostics.publish()
 
-    def _value(self, name: str) -> Any:
-        return self.get_parameter(name).value
-
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Load the models and connect the topics."""
         self._failure = ''
         if self._ending:
             return TransitionCallbackReturn.FAILURE
         try:
-            _check_law(self._value('law'))
-            self._configured = ConfiguredCompensator(
-                self, self._joints, self._load(names_in(self._value('model_files'))), self._qos,
-                self._faults)
+            models = self._load(names_in(self._settings['model_files']),
+                                self._settings['accept_record_again'])
+            self._configured = ConfiguredCompensator(self, self._settings, models, self._faults)
         except InputError as error:
             self._failure = str(error)
             self.get_logger().error(self._failure)
@@ -169,7 +272,6 @@ class CompensatorNode(LifecycleNode):
             self._failure = f'configuration failed: {error!r}'
             self.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.FAILURE
-        self._configured.warn_unusual()
         self._set_state('inactive', 'configured')
         return super().on_configure(state)
 
@@ -265,8 +367,3 @@ class CompensatorNode(LifecycleNode):
             return OK, self._state, values
         well, text = configured.status()
         return OK if well else WARN, text, values
-
-
-def _check_law(law: Any) -> None:
-    if law not in LAWS:
-        raise InputError(f'parameter law: must be one of {", ".join(LAWS)}, not {law!r}')

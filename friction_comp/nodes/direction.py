@@ -28,11 +28,10 @@ from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.errors import InputError
 from friction_comp.ros.diagnostics import Diagnostics, OK, WARN
 from friction_comp.ros.executor import yield_to_executor
-from friction_comp.ros.joint_io import input_qos, RELIABLE
-from friction_comp.ros.parameters import declare, declare_choice, declare_joints
+from friction_comp.ros.joint_io import QOS, RELIABLE
+from friction_comp.ros.parameters import Settings
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
-AXES = ('torque.z', 'torque.y', 'torque.x', 'force.z', 'force.y', 'force.x')
 # s after which a position is too old.
 _MAX_AGE = 0.2
 # Real s after which a calibration is given up, which takes three by the clock.
@@ -44,58 +43,38 @@ class DirectionNode(Node):
 
     def __init__(self) -> None:
         super().__init__('direction')
-        self._joints = declare_joints(self)
-        source = declare_choice(
-            self, 'source', ('trajectory', 'reference', 'sensor'),
-            'trajectory: a plan; reference: a stream of desired states; sensor: a force')
-        rate = declare(self, 'rate', 100.0, 'announcements per second [Hz]', 10.0, 1000.0)
+        settings = self._settings = Settings(self, 'direction')
+        self._joints, source = settings.joints, settings['source']
         self._said = [Announcement(0, 'starts') for _ in self._joints]
         self._position = np.full(len(self._joints), np.nan)
         self._seen = -math.inf
         self._columns = JointColumns(self._joints)
         self._refused = ''
         self._sensors: list[ForceDirection] = []
-        self._declare()
-        self._qos = input_qos(self)
+        self._qos = QOS[settings['input_reliability']]
         self._at: Callable[[float], list[Announcement]] = getattr(self, f'_begin_{source}')()
         self._message = JointState(name=list(self._joints))
         self._announcements = self.create_publisher(JointState, 'direction_stamped', RELIABLE)
         Diagnostics(self, self._report, self._joints, f'direction by {source}')
         self.create_service(Trigger, '~/calibrate', self._on_calibrate,
                             callback_group=ReentrantCallbackGroup())
-        self.fast_timers = [self.create_timer(1.0 / rate, self._announce)]
+        self.fast_timers = [self.create_timer(1.0 / settings['rate'], self._announce)]
 
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds) / NANO
-
-    def _declare(self) -> None:
-        """Declare the parameters of all sources."""
-        declare(self, 'announcement', 1.0, 'how long a movement from rest is announced ahead [s]',
-                0.0, 600.0)
-        declare(self, 'tolerance', 0.2, 'distance from a plan from which on it is not followed '
-                '[rad]', 1e-3, 10.0)
-        declare(self, 'least_speed', 0.005, 'slowest reference that moves [rad/s]', 1e-4, 1.0)
-        declare(self, 'sensor_range', [0.0, 0.0],
-                'lowest and highest value that the sensor can give, in its own unit')
-        declare(self, 'calibrate_at_start', False, 'calibrate in the first three seconds, in which '
-                'joints and person rest; false: only on request, by `~/calibrate`')
-        declare_choice(self, 'axis', AXES, 'component of sensor_wrench that moves the joint')
-
-    def _value(self, name: str) -> Any:
-        return self.get_parameter(name).value
 
     # The sources: each subscribes, and returns what is asked at a time.
 
     def _begin_trajectory(self) -> Callable[[float], list[Announcement]]:
         plan = self._plan = PlannedDirection(
-            self._joints, self._value('announcement'), self._value('tolerance'))
+            self._joints, self._settings['announcement'], self._settings['tolerance'])
         self.create_subscription(JointTrajectory, 'trajectory', self._on_trajectory, RELIABLE)
         self._listen([])
         return lambda time: plan.at(time, self._present(time))
 
     def _begin_reference(self) -> Callable[[float], list[Announcement]]:
         motions = self._motions = [
-            DesiredMotion(self._value('least_speed')) for _ in self._joints]
+            DesiredMotion(self._settings['least_speed']) for _ in self._joints]
         self._desired = JointColumns(self._joints)
         self.create_subscription(JointState, 'reference', self._on_reference, self._qos)
         self._listen([motion.motion for motion in motions])
@@ -103,12 +82,12 @@ class DirectionNode(Node):
             motions, self._present(time))]
 
     def _begin_sensor(self) -> Callable[[float], list[Announcement]]:
-        span = tuple(self._value('sensor_range'))
+        span = tuple(self._settings['sensor_range'])
         if len(span) != 2:
             raise InputError(f'parameter sensor_range: two values are needed, not {list(span)}')
-        self._component = attrgetter(self._value('axis'))
+        self._component = attrgetter(self._settings['axis'])
         self._sensors = [ForceDirection(span) for _ in self._joints]
-        for sensor in self._sensors if self._value('calibrate_at_start') else ():
+        for sensor in self._sensors if self._settings['calibrate_at_start'] else ():
             sensor.begin_calibration()
         self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, self._qos)
         self.create_subscription(WrenchStamped, 'sensor_wrench', self._on_wrench, self._qos)

@@ -21,14 +21,17 @@ from friction_comp.control.joint_states import JointColumns
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.ros.diagnostics import Diagnostics, OK, WARN
-from friction_comp.ros.joint_io import input_qos, RELIABLE
-from friction_comp.ros.parameters import declare, declare_choice, declare_joints
+from friction_comp.ros.joint_io import QOS, RELIABLE
+from friction_comp.ros.parameters import Settings
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 # Discovery may finish at different times at both ends of a connection; real s.
 _DISCOVERY_TIME = 0.5
 # Longest wait for the acknowledgement of each topic's last messages, s.
 _ACKNOWLEDGEMENT_TIME = 0.5
+# Parameters of the note's movement.
+_MOVEMENT = ('amplitude', 'speed', 'acceleration_time', 'standstill', 'announcement',
+             'repetitions')
 # Reports, one per second, after which missing joints are logged.
 _REPORTS_BEFORE_WARNING = 3
 
@@ -66,8 +69,12 @@ class ExerciseNode(Node):
     def __init__(self) -> None:
         super().__init__('exercise')
         self.finished = False
-        self._joints = declare_joints(self)
-        rate = self._declare()
+        settings = self._settings = Settings(self, 'exercise')
+        self._joints = settings.joints
+        file = settings['exercise_file']
+        self._exercise = load_exercise(file).of(self._joints) if file else _AllAlike(
+            ReferenceMovement(**{name: settings[name] for name in _MOVEMENT}), len(self._joints))
+        self._duration = self._exercise.duration
         # Ticks: the start of the movement, the first and the last one, ns; the time of the last
         # reference since the start, s.
         self._start: int | None = None
@@ -81,48 +88,9 @@ class ExerciseNode(Node):
         self._received = np.full(len(self._joints), np.nan)
         self._named_joints: set[str] = set()
         self._reports = 0
-        self._connect(input_qos(self), rate)
+        self._connect(QOS[settings['input_reliability']])
 
-    def _declare(self) -> float:
-        """Declare the parameters; return the references per second of a timer."""
-        movement = self._declare_movement()
-        file = declare(
-            self, 'exercise_file', '', 'YAML file with the movement of each joint, '
-            "instead of the note's movement")
-        self._exercise = (load_exercise(file).of(self._joints) if file
-                          else _AllAlike(movement, len(self._joints)))
-        self._duration = self._exercise.duration
-        self._announces = declare(
-            self, 'announce_direction', True, "false keeps the direction at 0, the note's case 1")
-        self._when_done = declare_choice(
-            self, 'when_done', ('hold', 'exit'), 'after the last repetition: hold the joints at '
-            'their initial positions, or exit')
-        self._listeners = declare(
-            self, 'wait_for_listeners', 0,
-            'subscriptions to the direction that must exist before the exercise begins', 0, 1000)
-        rate = declare(
-            self, 'rate', 100.0, 'references per second of the node clock [Hz]', 1.0, 1000.0)
-        self._ticking = declare_choice(
-            self, 'clock', ('timer', 'ticks'), 'timer: at `rate` by the node clock; ticks: once '
-            'for each tick of /clock') == 'ticks'
-        return float(rate)
-
-    def _declare_movement(self) -> ReferenceMovement:
-        default, turn = ReferenceMovement(), 2.0 * math.pi
-        values = {name: declare(
-            self, name, getattr(default, name), description, low, high)
-            for name, description, low, high in (
-                ('amplitude', 'angle between both ends [rad]; negative moves that way first',
-                 -turn, turn),
-                ('speed', 'of the constant velocity phase [rad/s]', 1e-3, 10.0),
-                ('acceleration_time', 'from standstill to that speed [s]', 0.01, 60.0),
-                ('standstill', 'rest before each movement [s]', 0.01, 600.0),
-                ('announcement', 'how long before a movement its direction is announced [s]',
-                 0.0, 600.0),
-                ('repetitions', 'movements each way', 1, 100_000))}
-        return ReferenceMovement(**values)
-
-    def _connect(self, qos: QoSProfile, rate: float) -> None:
+    def _connect(self, qos: QoSProfile) -> None:
         self._reference, self._announced = (
             JointState(name=list(self._joints)) for _ in range(2))
         self._direction = Int8MultiArray()
@@ -134,12 +102,14 @@ class ExerciseNode(Node):
         Diagnostics(self, self._report, self._joints, 'exercise')
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)
+        self._ticking = self._settings['clock'] == 'ticks'
         if self._ticking:
             self.create_subscription(
                 Clock, '/clock', lambda message: self._on_tick(nanoseconds(message.clock)), qos)
         else:
             self.fast_timers = [self.create_timer(
-                1.0 / rate, lambda: self._on_tick(self.get_clock().now().nanoseconds))]
+                1.0 / self._settings['rate'],
+                lambda: self._on_tick(self.get_clock().now().nanoseconds))]
 
     def _on_joint_states(self, message: Any) -> None:
         stamp = nanoseconds(message.header.stamp)
@@ -184,9 +154,10 @@ class ExerciseNode(Node):
 
     def _has_listeners(self) -> bool:
         """Return whether all listeners have been connected for a moment."""
-        if self._start is not None or not self._listeners:
+        listeners = self._settings['wait_for_listeners']
+        if self._start is not None or not listeners:
             return True
-        if self._directions.get_subscription_count() < self._listeners:
+        if self._directions.get_subscription_count() < listeners:
             self._connected_since = None
             return False
         self._connected_since = self._connected_since or monotonic()
@@ -195,14 +166,14 @@ class ExerciseNode(Node):
     def _move(self, time: float) -> None:
         position, velocity, direction = self._exercise.at(time)
         ends = self._exercise.ends(time)
-        if not self._announces:
+        if not self._settings['announce_direction']:
             direction, ends = np.zeros_like(direction), np.full_like(ends, math.nan)
         self._time = time
         self._set_direction(direction.astype(np.int8).tolist(), (self._origin + ends).tolist())
         self._reference.position = array('d', (self._origin + position).tobytes())
         self._reference.velocity = array('d', velocity.tobytes())
         self._publish()
-        if time >= self._duration and self._when_done == 'exit':
+        if time >= self._duration and self._settings['when_done'] == 'exit':
             self.finished = True
 
     def _set_direction(self, direction: list[int], ends: list[float]) -> None:

@@ -14,15 +14,11 @@ from rclpy.task import Future
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.goal import check_field, GOAL_LIMITS, IdentificationGoal
+from friction_comp.identification.goal import check_field, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import SupervisedRun
 from friction_comp.identification.trajectory_run import TrajectoryGoal
-from friction_comp.ros.parameters import declare
-
-# 4 to 100 deg/s, the note's range.
-DEFAULT_SPEEDS = [math.radians(v) for v in (4.0, 8.0, 15.0, 25.0, 40.0, 60.0, 80.0, 100.0)]
 
 
 @dataclass(frozen=True)
@@ -60,21 +56,6 @@ class RunningGoal:
     had_client: bool = False
     silent: bool = False
     was_silent: bool = False
-
-
-def declare_defaults(node: Any) -> dict[str, Any]:
-    """Declare the defaults for empty or zero fields of a goal and return them by name."""
-    defaults = {'speeds': DEFAULT_SPEEDS, 'motion_range': 1.0, 'ramp_slope': 0.0,
-                'ramp_period': 10.0, 'breakaway_cycles': 20}
-    values = {}
-    for name, default in defaults.items():
-        low, high, unit = GOAL_LIMITS[name]
-        about = f'{name.replace("_", " ")} of a goal that names none' + f' [{unit}]' * bool(unit)
-        if name == 'ramp_slope':
-            low, about = 0.0, f'{about}; 0: found by the first motion'
-        limits = () if name == 'speeds' else (low, high)
-        values[name] = declare(node, f'default_{name}', default, about, *limits)
-    return values
 
 
 def make_goal(request: Any, joints: list[str], defaults: dict[str, Any]

@@ -27,13 +27,14 @@ from friction_comp.control.watchdog import Watchdog
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder, file_names, to_yaml
 from friction_comp.identification.carried import Carried, GRAVITY
+from friction_comp.identification.goal import GOAL_LIMITS
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.trajectory_run import TrajectoryRun
 from friction_comp.nodes import goals
 from friction_comp.nodes.goals import Action, RunningGoal
 from friction_comp.ros import joint_io
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.ros.parameters import declare, declare_choice, declare_joints, load_models
+from friction_comp.ros.parameters import load_models, Settings
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO
 
@@ -59,26 +60,18 @@ class IdentificationNode(Node):
 
     def __init__(self) -> None:
         super().__init__('identification')
-        self._joints = declare_joints(self)
-        models = load_models(declare(
-            self, 'model_files', [], 'model file of each joint: its drive and position_limits, and '
-            'what carries it (weight, spring), are kept, all else is replaced'), self._joints)
+        settings = self._settings = Settings(self, 'identification')
+        self._joints = settings.joints
+        models = load_models(settings['model_files'], self._joints)
         self._models, self._drives = models, [model.drive for model in models]
-        self._carried = Carried(self._joints, models, declare_choice(
-            self, 'gravity', GRAVITY, "who carries the limb's weight: this node with the current "
-            "of the model's effects, or the robot's own controller") == GRAVITY[0])
-        declare(self, 'output_folder', '.', 'folder for the model files, which are named after '
-                'their joints', changes=True)
-        timeout = declare(
-            self, 'joint_state_timeout', 0.05, 'silence of joint_states that ends a goal, in real '
-            'time, and largest age [s]', 0.001, 10.0)
-        self._defaults = goals.declare_defaults(self)
-        qos = joint_io.input_qos(self)
+        self._carried = Carried(self._joints, models, settings['gravity'] == GRAVITY[0])
+        timeout = settings['joint_state_timeout']
+        self._defaults = {name: settings[f'default_{name}'] for name in GOAL_LIMITS}
         self._states = JointStateInput(self._joints, round(NANO * timeout))
         torques = [drive.torque_per_current for drive in self._drives]
-        in_ampere = joint_io.effort_is_current(self)
+        in_ampere = settings['effort_holds'] == 'current'
         self._per_effort = [1.0 if in_ampere else 1.0 / torque for torque in torques]
-        interface = joint_io.command_interface(self)
+        interface = settings['command_interface']
         self._torque = interface == 'effort'    # the unit in messages
         self._port = joint_io.CommandPort(
             self, [drive.current_limit for drive in self._drives], torques, interface)
@@ -91,7 +84,8 @@ class IdentificationNode(Node):
         self._goal: RunningGoal | None = None
         self._last_end = self._refused = ''
         goals.compile_ahead(self._drives[0])
-        self.create_subscription(JointState, 'joint_states', self._on_joint_states, qos)
+        self.create_subscription(JointState, 'joint_states', self._on_joint_states,
+                                 joint_io.QOS[settings['input_reliability']])
         steady_timer(self, _CHECK_PERIOD, self._check_connections)
         self._servers = [ActionServer(
             self, action.kind, action.name, partial(self._execute, action),
@@ -108,7 +102,7 @@ class IdentificationNode(Node):
             if self._busy:
                 raise InputError('another goal is running')
             if action.kind is IdentifyFriction:
-                check_folder(self.get_parameter('output_folder').value)
+                check_folder(self._settings['output_folder'])
             index, goal = action.make_goal(request, self._joints, self._defaults)
             self._accepted = index, action.run(goal, self._drives[index], self._torque)
             self._check_surroundings(self._joints[index])
@@ -187,7 +181,7 @@ class IdentificationNode(Node):
         before = self._models[index]
         model = outcome.model(before.drive, joint, before.position_limits,
                               self._carried.effects[index], before.arm)
-        path = (Path(self.get_parameter('output_folder').value)
+        path = (Path(self._settings['output_folder'])
                 / f'{file_names(self._joints)[index]}.yaml').absolute()
         try:
             model.save(path)

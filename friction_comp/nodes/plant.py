@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from array import array
+import math
 import time
 from typing import Any
 
@@ -17,11 +18,11 @@ from std_msgs.msg import Float64MultiArray, Header
 
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
-from friction_comp.nodes.sensor_port import SensorPort
 from friction_comp.ros.diagnostics import Diagnostics, OK, Rate, WARN
-from friction_comp.ros.joint_io import command_interface, command_unit, RELIABLE, UNASKED, UNIT_OF
-from friction_comp.ros.parameters import declare, declare_choice, declare_joints, load_models
+from friction_comp.ros.joint_io import command_unit, RELIABLE, UNASKED, UNIT_OF
+from friction_comp.ros.parameters import load_models, Settings
 from friction_comp.ros.ros_start import steady_timer
+from friction_comp.simulation.cheap_sensors import CheapForce
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.person import ReferenceHold
 from friction_comp.simulation.undeclared import Undeclared
@@ -36,6 +37,8 @@ _START_TIME = NANO
 _TEMPERATURE_PERIOD = 0.1
 # Samples of delay after which a real-time plant skips time.
 _LARGEST_LAG = 50
+# Cheap sensors are simulated in steps of a millisecond; so many at least go into one message.
+_SENSOR_STEP, _SENSOR_BATCH = 1e-3, 10
 
 
 class Pace:
@@ -55,6 +58,40 @@ class Pace:
         return True
 
 
+class _Sensor:
+    """A cheap sensor of the person's force on every joint of a plant, on the topic `sensor`."""
+
+    def __init__(self, node: Any, settings: Settings, models: Any) -> None:
+        self._settings = settings
+        self._steps = round(settings['sample_time'] / _SENSOR_STEP)
+        if not self._steps or not math.isclose(
+                settings['sample_time'], self._steps * _SENSOR_STEP):
+            raise InputError('parameter sensor: needs a sample_time that is a whole multiple of '
+                             f'{_SENSOR_STEP:g} s')
+        if missing := [model.joint or str(k) for k, model in enumerate(models)
+                       if model.breakaway is None]:
+            raise InputError('parameter sensor: its range follows from breakaway friction, which '
+                             f'the model of {", ".join(missing)} lacks')
+        breakaway = np.array([model.breakaway.positive_mean * model.drive.torque_per_current
+                              for model in models])
+        self._sensor = CheapForce(breakaway, [settings['seed'], 7], 100.0)
+        self._rows: list[np.ndarray] = []
+        self._publisher = node.create_publisher(Float64MultiArray, 'sensor', RELIABLE)
+
+    def feel(self, torque: Any) -> None:
+        """Measure the torques of the person in a sample, N·m, shape (J,)."""
+        self._rows += [np.array(torque, dtype=float)] * self._steps
+        if len(self._rows) < _SENSOR_BATCH:
+            return
+        fault = self._settings['sensor_fault']
+        self._sensor.faults = {} if fault == 'none' else dict.fromkeys(range(len(torque)), fault)
+        values = self._sensor.sample(np.array(self._rows))
+        self._rows = []
+        # A silent sensor sends nothing.
+        if len(values) and np.isfinite(values).all():
+            self._publisher.publish(Float64MultiArray(data=array('d', values.ravel())))
+
+
 class PlantNode(Node):
     """Simulated geared joints with their sensors and the person who moves them.
 
@@ -66,20 +103,19 @@ class PlantNode(Node):
 
     def __init__(self) -> None:
         super().__init__('plant')
-        self._joints = declare_joints(self)
-        models = load_models(
-            declare(self, 'model_files', [], 'model file of each joint'), self._joints)
-        undeclared = self._load_undeclared()
-        seed = declare(self, 'seed', 0, 'of all noise and scatter', 0)
-        self._lockstep = declare_choice(
-            self, 'clock', ('real_time', 'lockstep'),
-            'real_time, or lockstep: steps when the command for the last state has come and '
-            'publishes /clock') == 'lockstep'
-        sample_time = declare(self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2)
-        self._declare_periods(sample_time)
+        settings = self._settings = Settings(self, 'plant')
+        self._joints = settings.joints
+        models = load_models(settings['model_files'], self._joints)
+        self._lockstep = settings['clock'] == 'lockstep'
+        sample_time = settings['sample_time']
+        self._clock_every, self._wrench_every, self._temperature_every = (
+            max(1, round(period / sample_time)) for period in (
+                settings['clock_period'], settings['wrench_period'], _TEMPERATURE_PERIOD))
+        self._hold = ReferenceHold(settings['reference_timeout'])
+        self._command_timeout = round(NANO * settings['command_timeout'])
 
-        self._plant = self._make_plant(models, seed, undeclared, sample_time)
-        self._sensor = SensorPort(self, models, seed, sample_time)
+        self._plant = self._make_plant(models)
+        self._sensor = None if settings['sensor'] == 'none' else _Sensor(self, settings, models)
         self._torque_per_current = np.array([m.drive.torque_per_current for m in models])
         self._sample = round(sample_time * NANO)
         self._samples = self._origin = self._commanded_at = self._bad_commands = 0
@@ -94,35 +130,6 @@ class PlantNode(Node):
             self._origin = self.get_clock().now().nanoseconds
             self.fast_timers = [steady_timer(self, sample_time, self._on_time)]
 
-    def _declare_periods(self, sample_time: float) -> None:
-        self._clock_every, self._wrench_every, self._temperature_every = (
-            max(1, round(period / sample_time)) for period in (
-                declare(self, 'clock_period', 0.01,
-                        'simulated time between ticks of /clock, in lockstep [s]', 1e-4, 1.0),
-                declare(self, 'wrench_period', sample_time,
-                        'time between interaction wrenches [s]', 1e-4, 1.0),
-                _TEMPERATURE_PERIOD))
-        declare(
-            self, 'wait_for_reference', False,
-            'in lockstep, wait at every tick for the reference with its stamp', changes=True)
-        declare(
-            self, 'wait_for_direction', False,
-            'in lockstep, wait at every tick for the direction_stamped with its stamp, from the '
-            'first on', changes=True)
-        declare(
-            self, 'pace', 0.0, 'in lockstep, largest rate of simulated to real time; '
-            '0: as fast as the others answer', 0.0, 1000.0, changes=True)
-        self._listeners = declare(
-            self, 'wait_for_listeners', 0,
-            'in lockstep, subscriptions to joint_states that must exist before time starts',
-            0, 1000)
-        self._hold = ReferenceHold(declare(
-            self, 'reference_timeout', 0.5,
-            'time without reference after which the person lets go [s]', 0.01, 60.0))
-        self._command_timeout = round(NANO * declare(
-            self, 'command_timeout', 0.1,
-            'time without command after which a real-time plant assumes zero [s]', 0.001, 10.0))
-
     def _make_ports(self) -> None:
         self._state_message = JointState(name=list(self._joints))
         self._wrench_messages, self._temperature_messages = (
@@ -132,7 +139,7 @@ class PlantNode(Node):
         self._wrench = self.create_publisher(WrenchStamped, 'interaction_wrench', RELIABLE)
         self._temperature = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
         self.create_subscription(JointState, 'reference', self._on_reference, RELIABLE)
-        interface = command_interface(self)
+        interface = self._settings['command_interface']
         self._unit = UNIT_OF[interface]
         self._per_current = self._torque_per_current if interface == 'effort' else 1.0
         self.create_subscription(
@@ -150,15 +157,13 @@ class PlantNode(Node):
         steady_timer(self, _CHECK_PERIOD, self._repeat_requests)
         self._advance()
 
-    def _make_plant(self, models: Any, seed: int, undeclared: Any, sample_time: float) -> Plant:
-        engine = declare_choice(
-            self, 'engine', ('own', 'mujoco'), 'own: each joint moves by itself; mujoco: on the '
-            'links of `arm_file`')
-        file = declare(self, 'arm_file', '', 'MJCF or URDF of the arm, with engine mujoco')
-        if (engine == 'mujoco') != bool(file):
+    def _make_plant(self, models: Any) -> Plant:
+        file, undeclared = self._settings['arm_file'], self._load_undeclared()
+        seed, sample_time = self._settings['seed'], self._settings['sample_time']
+        if (self._settings['engine'] == 'mujoco') != bool(file):
             raise InputError('parameter arm_file: engine mujoco needs an MJCF or URDF, and only '
                              'this engine uses it')
-        if engine == 'own':
+        if not file:
             return Plant(models, seed, undeclared, sample_time)
         # Imported here: MuJoCo is optional.
         from friction_comp.simulation.mujoco_plant import MujocoPlant
@@ -166,9 +171,7 @@ class PlantNode(Node):
         return MujocoPlant(file, self._joints, models, seed, undeclared, sample_time)
 
     def _load_undeclared(self) -> Any:
-        files = declare(
-            self, 'undeclared_effect_files', [],
-            "per joint, a file with an effect that is in no model, or ''")
+        files = self._settings['undeclared_effect_files']
         if not any(files):
             return None
         if len(files) != len(self._joints):
@@ -185,7 +188,7 @@ class PlantNode(Node):
     def _step(self) -> None:
         position, velocity = self._hold.at((self._stamp - self._origin) / NANO)
         active = None
-        if self._sensor.used:
+        if self._sensor is not None:
             self._sensor.feel(self._plant.state.interaction_torque)
         if position is not None and velocity is not None:
             active = np.isfinite(position) & np.isfinite(velocity)
@@ -243,7 +246,7 @@ class PlantNode(Node):
                                    ('direction', 'direction_stamped', self._direction_stamp)):
             # The first announcement may be lost before both ends have discovered each other.
             if stamp != self._stamp and (stamp or name == 'reference') and (
-                    self.get_parameter(f'wait_for_{name}').value):
+                    self._settings[f'wait_for_{name}']):
                 return topic
         return ''
 
@@ -277,14 +280,15 @@ class PlantNode(Node):
         if self._samples % self._clock_every == 0:
             if self._ticked_sample != self._samples:
                 if not self._pace.may_step(
-                        self.get_parameter('pace').value, self._clock_every * self._sample,
+                        self._settings['pace'], self._clock_every * self._sample,
                         time.monotonic_ns()):
                     return False
                 self._ticked_sample = self._samples
                 self._tick()
             if self._lacks():
                 return False
-        return bool(self._samples or self._states.get_subscription_count() >= self._listeners)
+        return bool(self._samples or self._states.get_subscription_count()
+                    >= self._settings['wait_for_listeners'])
 
     def _tick(self) -> None:
         """Publish the present tick, possibly again."""
@@ -339,7 +343,8 @@ class PlantNode(Node):
     def _describe_wait(self) -> str:
         if self._published:
             return 'current_command'
-        listeners = self._states.get_subscription_count()
-        if not self._samples and listeners < self._listeners:
-            return f'listeners to joint_states ({listeners} of {self._listeners})'
+        listeners, wanted = (
+            self._states.get_subscription_count(), self._settings['wait_for_listeners'])
+        if not self._samples and listeners < wanted:
+            return f'listeners to joint_states ({listeners} of {wanted})'
         return self._lacks() or 'reference'

@@ -15,7 +15,7 @@ from friction_comp.errors import InputError
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.ros.parameters import declare, declare_choice
+from friction_comp.ros.parameters import Settings
 from friction_comp.ros.ros_start import steady_timer
 
 # Real s between writes to the disk.
@@ -30,14 +30,8 @@ class RecorderNode(Node):
 
     def __init__(self) -> None:
         super().__init__('recorder')
-        output = declare(self, 'output', 'recording', 'folder to create')
-        model = declare(self, 'model_file', '', 'active model, stored in the metadata')
-        compression = declare_choice(
-            self, 'compression', ('none', 'message', 'storage'), 'of the files, with zstd')
-        size = declare(self, 'max_file_size', 0.0,
-                       'MB after which the next file begins, at least 0.01; 0: never', 0.0)
-        duration = declare(self, 'max_file_duration', 0.0,
-                           's after which the next file begins, at least 0.1; 0: never', 0.0)
+        settings = Settings(self, 'recorder')
+        output, model = settings['output'], settings['model_file']
         self._rate = Rate()
         self._counts = dict.fromkeys(RECORDED, 0)
         # No more messages are written, and why, if something went wrong.
@@ -46,7 +40,8 @@ class RecorderNode(Node):
         self._writer = RecordingWriter(
             output, {'recorded_by': 'friction_comp recorder',
                      **({'model_file': model} if model else {})},
-            compression, split_size=1e6 * size, split_duration=duration)
+            settings['compression'], split_size=1e6 * settings['max_file_size'],
+            split_duration=settings['max_file_duration'])
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
         steady_timer(self, _FLUSH, self._flush)

@@ -27,8 +27,7 @@ from friction_comp.recorded_drive.child import Refined
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.ros.executor import yield_to_executor
-from friction_comp.ros.joint_io import effort_is_current
-from friction_comp.ros.parameters import declare, declare_joints, load_models, names_in
+from friction_comp.ros.parameters import load_models, names_in, Settings
 from friction_comp.ros.ros_start import steady_timer
 
 # Real s between checks of a running refinement and of the residual.
@@ -92,28 +91,16 @@ class RefinementNode(Node):
 
     def __init__(self) -> None:
         super().__init__('refinement')
-        self._joints = declare_joints(self)
-        files = declare(
-            self, 'model_files', [], 'model file of each joint, used if no compensator reports '
-            'its own')
-        models = load_models(files, self._joints)
-        self._files = dict(zip(self._joints, names_in(files)))
-        declare(
-            self, 'output_folder', '.', 'folder that receives a folder with model and report for '
-            'each goal', changes=True)
-        tolerance = declare(
-            self, 'tolerance', 0.25, 'error of a model as a share of the friction above which it '
-            'no longer fits [1]', 0.01, 10.0)
-        self._past = RecentPast(
-            declare(self, 'memory', 600.0, 'duration of the messages kept [s]', 1.0, 86400.0),
-            round(1e6 * declare(
-                self, 'memory_size', 500.0, 'largest size of the messages kept [MB]', 1.0, 1e5)))
-        self._compensator = CompensatorClient(self, declare(
-            self, 'compensator', 'compensator', 'name of the node that loads refined models'))
-        self._in_ampere = effort_is_current(self)
+        settings = self._settings = Settings(self, 'refinement')
+        self._joints = settings.joints
+        models = load_models(settings['model_files'], self._joints)
+        self._files = dict(zip(self._joints, names_in(settings['model_files'])))
+        self._past = RecentPast(settings['memory'], round(1e6 * settings['memory_size']))
+        self._compensator = CompensatorClient(self, settings['compensator'])
+        self._in_ampere = settings['effort_holds'] == 'current'
         self._signals = LiveSignals(self._joints, [
             1.0 if self._in_ampere else model.drive.torque_per_current for model in models])
-        self._watches = {joint: JointWatch(tolerance, joint, path)
+        self._watches = {joint: JointWatch(settings['tolerance'], joint, path)
                          for joint, path in self._files.items()}
         self._rate = Rate()
         self._job: RefineJob | None = None
@@ -249,7 +236,7 @@ class RefinementNode(Node):
         """Return the result of refinement and the initial model file."""
         files = await self._compensator.files()
         start = files.get(joint, self._files[joint])
-        output = Path(self.get_parameter('output_folder').value).absolute() / (
+        output = Path(self._settings['output_folder']).absolute() / (
             f'{file_names([joint])[0]}_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}')
         messages = []
         if not request.recording:

@@ -10,24 +10,27 @@ outside calls, end the spinning.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import Future, TimeoutError
 from contextlib import ExitStack, suppress
 import inspect
 from itertools import chain
+import threading
 import time
 import types
-from typing import Any
+from typing import Any, TypeVar
 
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy import executors
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.subscription import Subscription
 from rclpy.waitable import NumberOfEntities
 
 from friction_comp.errors import InputError
 from friction_comp.ros.ros_start import without_source_locations
 from friction_comp.stamps import NANO
+
+T = TypeVar('T')
 
 # Real s between polls of everything but the streams. It also limits the delay of signals, which
 # Python handles only when the executor returns from the middleware.
@@ -35,8 +38,8 @@ _POLL_PERIOD = 0.02
 # Real s after a stopped process continues in which all messages are ignored, and in which those are
 # that were sent before it did, by their senders' clocks: on a busy machine they come later.
 _SETTLING, _LATEST = 0.2, 5.0
-# Real s before the same refusal is logged again.
-_AGAIN = 1.0
+# Real s before the same refusal is logged again, and that work in a thread may take.
+_AGAIN, _PATIENCE = 1.0, 10.0
 
 
 @types.coroutine
@@ -48,11 +51,10 @@ def yield_to_executor() -> Generator[None, None, None]:
 class _WaitSet:
     """A wait set that is built once for many waits; rclpy builds one for every callback."""
 
-    def __init__(self, context: Any, subscriptions: Iterable[Any] = (), guards: Iterable[Any] = (),
-                 timers: Iterable[Any] = (), clients: Iterable[Any] = (),
-                 services: Iterable[Any] = (), waitables: Iterable[Any] = ()) -> None:
-        kinds = {'subscription': list(subscriptions), 'guard_condition': list(guards),
-                 'timer': list(timers), 'client': list(clients), 'service': list(services)}
+    def __init__(self, context: Any, guards: Iterable[Any] = (), waitables: Iterable[Any] = (),
+                 **entities: Iterable[Any]) -> None:
+        kinds = {'subscription': (), 'guard_condition': list(guards), 'timer': (), 'client': (),
+                 'service': (), **{name: list(some) for name, some in entities.items()}}
         self._waitables = list(waitables)
         # Hold the handles, so that none is destroyed while it is in the wait set.
         self._held = ExitStack()
@@ -121,8 +123,7 @@ class StreamExecutor(executors.Executor):
         self._batch_time = getattr(node, 'batch_time', 0.0)
         self._subscriptions: list[tuple[Any, ...]] = []
         self._slow_timers: list[Any] = []
-        self._fast: _WaitSet | None = None
-        self._slow: _WaitSet | None = None
+        self._sets: list[_WaitSet] = []
         self._due = 0.0
         # When the process went on, monotonic s and system time in ns; 0 once that is long ago.
         self._continued, self._continued_stamp = 0.0, 0
@@ -145,8 +146,7 @@ class StreamExecutor(executors.Executor):
 
     def shutdown(self, timeout_sec: Any = None) -> Any:
         """Release the node."""
-        self._release()
-        self._fast = self._slow = None
+        self._release_sets()
         return super().shutdown(timeout_sec)
 
     def spin_once(self, timeout_sec: Any = None) -> None:
@@ -157,32 +157,60 @@ class StreamExecutor(executors.Executor):
             self._poll()
             self._due = time.monotonic() + _POLL_PERIOD
 
-    def _release(self) -> None:
-        for wait_set in (self._fast, self._slow):
-            if wait_set is not None:
-                wait_set.close()
+    def do_beside(self, work: Callable[[], T], what: str) -> T:
+        """Do work in a thread, while streams and timers go on; return its result.
 
-    def _wait_sets(self) -> Any:
-        """Return both wait sets, rebuilt if the node's entities have changed."""
+        Raises InputError where the work fails, or takes longer than ten seconds.
+        """
+        future: Future[T] = Future()
+
+        def run() -> None:
+            try:
+                future.set_result(work())
+            except Exception as error:
+                future.set_exception(error)
+        # A daemon, so that it does not hold up the end of the node.
+        threading.Thread(target=run, name=what, daemon=True).start()
+        end = time.monotonic() + _PATIENCE
+        while not future.done() and time.monotonic() < end:
+            self._process_streams(_POLL_PERIOD)
+            self._call_timers(self._slow_timers)
+        try:
+            return future.result(0.0)
+        except InputError:
+            raise
+        except TimeoutError:
+            raise InputError(f'{what}: not done within {_PATIENCE:g} s') from None
+        except Exception as error:
+            raise InputError(f'{what}: {error!r}') from None
+
+    def _release_sets(self) -> None:
+        for wait_set in self._sets:
+            wait_set.close()
+        self._sets = []
+
+    def _wait_sets(self) -> list[_WaitSet]:
+        """Return the wait sets of streams and of all else, rebuilt if entities have changed."""
         if self._is_changed:
             self._is_changed = False
-            self._release()
+            self._release_sets()
             node = self._node
             subscriptions = list(node.subscriptions)
             self._subscriptions = [
                 (entity, entity.handle, entity.msg_type, entity.raw, entity.callback,
-                 entity._callback_type is Subscription.CallbackType.MessageOnly)
-                for entity in subscriptions]
+                 _takes_message_only(entity.callback)) for entity in subscriptions]
             self._slow_timers = [timer for timer in node.timers if timer not in self._fast_timers]
             # The base class triggers its guard when the node's entities have changed.
-            self._fast = _WaitSet(node.context, subscriptions, [self._guard], self._fast_timers)
-            self._slow = _WaitSet(node.context, clients=node.clients, services=node.services,
-                                  waitables=node.waitables)
-        return self._fast, self._slow
+            self._sets = [
+                _WaitSet(node.context, [self._guard], subscription=subscriptions,
+                         timer=self._fast_timers),
+                _WaitSet(node.context, waitables=node.waitables, client=node.clients,
+                         service=node.services)]
+        return self._sets
 
     def _process_streams(self, seconds: float) -> None:
         """Wait for messages or fast timers, and process them."""
-        wait_set, _ = self._wait_sets()
+        wait_set = self._wait_sets()[0]
         wait_set.wait(0.0 if self._batch_time else seconds)
         self._call_timers(self._fast_timers)
         last_ready = max((index for index in range(len(self._subscriptions))
@@ -259,7 +287,7 @@ class StreamExecutor(executors.Executor):
         if not self.context.ok():
             raise executors.ExternalShutdownException
         self._call_timers(self._slow_timers)
-        _, wait_set = self._wait_sets()
+        wait_set = self._wait_sets()[1]
         wait_set.wait(0.0)
         if not self._tasks and not wait_set.is_any_ready():
             return
@@ -275,6 +303,15 @@ class StreamExecutor(executors.Executor):
                     name = getattr(entity, 'srv_name', type(entity).__name__)
                     self._refuse(f'what reached {name} was ignored', error)
                     _release(entity)
+
+
+def _takes_message_only(callback: Any) -> bool:
+    """Return whether a callback is called without the middleware's message info, as by rclpy."""
+    try:
+        inspect.signature(callback).bind(object())
+    except TypeError:
+        return False
+    return True
 
 
 def _release(entity: Any) -> None:

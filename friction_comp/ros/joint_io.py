@@ -17,13 +17,15 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from friction_comp.control.port import NEGLIGIBLE
-from friction_comp.ros.parameters import declare_choice
 from friction_comp.stamps import NANO
 from friction_comp.topics import TORQUE_UNIT
 
 # Deep enough for a reader that pauses for seconds.
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+QOS = {'best_effort': BEST_EFFORT, 'reliable': RELIABLE}
+"""Of inputs, by `input_reliability`: best effort hears every publisher; reliable has no losses,
+which makes lockstep with the simulated plant faster."""
 # For a reader that pauses for a second at a kilohertz. What one that is stopped did not take is
 # thrown away when it counts as gone, while no command can be published: half a second for 10,000.
 _COMMANDS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -46,38 +48,10 @@ _ACKNOWLEDGEMENT_TIME, _LOOK = 2.0, 0.005
 _LOCK_TIMEOUT = 0.005
 
 
-def input_qos(node: Any) -> QoSProfile:
-    """Declare `input_reliability` and return the quality of service for the node's inputs.
-
-    Reliable has no losses, which makes lockstep with the simulated plant faster.
-    """
-    kind = declare_choice(
-        node, 'input_reliability', ('best_effort', 'reliable'),
-        'quality of service of the inputs: best_effort receives from every publisher, '
-        'reliable from reliable ones only')
-    return RELIABLE if kind == 'reliable' else BEST_EFFORT
-
-
-def command_interface(node: Any) -> str:
-    """Declare `command_interface` and return it, a key of `UNIT_OF`."""
-    return declare_choice(
-        node, 'command_interface', list(UNIT_OF),
-        'unit of current_command: current, A of the motor; or effort, k_t·n times that, N·m at the '
-        'joint')
-
-
 def command_unit(message: Any) -> str:
     """Return the unit in the label of a command, '' if there is none."""
     dimensions = message.layout.dim
     return str(dimensions[1].label) if len(dimensions) > 1 else ''
-
-
-def effort_is_current(node: Any) -> bool:
-    """Declare `effort_holds`; return whether efforts are currents in A, not torques in N·m."""
-    return declare_choice(
-        node, 'effort_holds', ('torque', 'current'),
-        'what effort in joint_states is: torque of the motor at the joint, N·m; or current of the '
-        'motor, A') == 'current'
 
 
 def publisher_names(node: Any, topic: str) -> list[str]:

@@ -24,18 +24,14 @@ from rclpy.utilities import remove_ros_args
 
 from friction_comp.errors import InputError
 from friction_comp.interrupts import ENDING, STOPPING
-from friction_comp.monitoring.network import alone
 from friction_comp.ros.executor import StreamExecutor
-from friction_comp.ros.misspelt import unknown_parameters, unknown_remappings
 from friction_comp.ros.output import dropping_output
-from friction_comp.ros.ros_start import start_ros, steady_timer, without_source_locations
+from friction_comp.ros.ros_start import start_ros, without_source_locations
 
 # Spins after leaving, and real s of them if a goal ended by it: its client may ask only now.
 _FINAL_SPINS, _FAREWELL = 10, 0.3
 # Switch interval of threads, s: loading a model must not delay the control loop.
 _SWITCH_INTERVAL = 5e-4
-# Real s without another node after which a warning is logged; discovery takes seconds at most.
-PATIENCE = 10.0
 
 
 def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
@@ -65,22 +61,24 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
     with dropping_output(name):
         start_ros(name, argv)
         try:
-            return _run(make_node, argv, signals)
+            return _run(make_node, signals)
         finally:
             rclpy.try_shutdown()
 
 
-def _run(make_node: Callable[[], Any], argv: Sequence[str], signals: _Signals) -> int:
+def _run(make_node: Callable[[], Any], signals: _Signals) -> int:
+    node, why = None, ''
     try:
         node = make_node()
-    except _rclpy.RCLError as error:
+    except (InputError, _rclpy.RCLError) as error:
         # For instance missing keys, or a middleware without security.
-        raise InputError(without_source_locations(error)) from None
+        why = without_source_locations(error)
+    if node is None:
+        # What there is of it must be gone before the middleware.
+        gc.collect()
+        raise InputError(why)
     stop_motor = getattr(node, 'stop_motor', _do_nothing)
     signals.set_callback(stop_motor)
-    for text in [*unknown_parameters(node), *unknown_remappings(node, argv)]:
-        node.get_logger().warning(text)
-    _look_for_peers(node)
     executor = StreamExecutor(node)
     # The first line that rclpy logs looks for its caller through all modules, for 50 ms.
     inspect.getframeinfo(inspect.currentframe())    # type: ignore[arg-type]
@@ -120,28 +118,6 @@ def _destroy(node: Any) -> None:
     state_machine = getattr(node, '_state_machine', None)
     if state_machine is not None:
         state_machine.destroy_when_not_in_use()
-
-
-def _look_for_peers(node: Any) -> None:
-    """Warn once if no other node is found in time: nobody would receive diagnostics."""
-    begin, warned = time.monotonic(), False
-
-    def check() -> None:
-        nonlocal warned
-        passed = time.monotonic() - begin
-        # Hidden nodes of tools, such as the daemon of `ros2`, are not counted.
-        others = [name for name in node.get_node_names() if not name.startswith('_')]
-        if node.get_name() in others:
-            others.remove(node.get_name())
-        if others:
-            timer.cancel()
-            if warned:
-                node.get_logger().info(f'found {", ".join(others)} after {passed:.3g} s')
-        elif passed >= PATIENCE and not warned:
-            warned = True
-            node.get_logger().warning(alone(PATIENCE))
-
-    timer = steady_timer(node, min(1.0, PATIENCE), check)
 
 
 class _Signals:

@@ -1,86 +1,192 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Declares node parameters with description and range, and refuses bad values."""
+"""Declares the parameters of a node as config/parameters.yaml describes them.
+
+That file is the only place that knows defaults, meanings, ranges and choices. ROS and `launch` pass
+over names that nothing reads, so that a misspelt limit would leave the default in place: they are
+told, or refused.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+import re
+import sys
+from typing import Any, NamedTuple, TYPE_CHECKING
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.exceptions import InvalidParameterTypeException
+import yaml
 
 from friction_comp.errors import errors_name, InputError
+from friction_comp.package_files import package_file
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
 
-# Upper end of ranges that have no natural one.
-LARGE = 1e6
+# `name: default  # meaning`, also where it is only given at a start, and the lines below it.
+_ENTRY = re.compile(r' {4}(?:# )?(\w+): +(.*?) +# ?(.*)')
+_MORE = re.compile(r' {8,}# (.*)')
+# What may follow the meaning, in brackets.
+_LIMITS = re.compile(r'(.*?) ?\[([^][]+)\]')
+_CHANGES, _RANGE, _OR = 'may change', ' to ', ' | '
 
 
-def declare(node: Any, name: str, default: Any, description: str, low: float | None = None,
-            high: float | None = None, changes: bool = False, constraints: str = '') -> Any:
-    """Declare a parameter and return its value; InputError if its initial value cannot be used.
+class Described(NamedTuple):
+    """A parameter as the file describes it; a range is empty, or has its ends."""
 
-    The default determines the type; an empty list is one of strings. Numbers are limited to `low`
-    to `high`, if `low` is given. The parameter is read-only unless it `changes` while the node
-    runs. `constraints` is a text.
+    name: str
+    default: Any
+    meaning: str
+    range: tuple[float, ...] = ()
+    choices: tuple[str, ...] = ()
+    changes: bool = False    # while the node runs
+
+
+def described(kind: str = '') -> Iterator[Described]:
+    """Yield the parameters of a kind of node, such as 'compensator', or those of all."""
+    text = package_file('config', 'parameters.yaml').read_text(encoding='utf-8')
+    if kind:
+        text = text.partition(f'/**/{kind}:\n')[2].partition('\n\n')[0]
+    entries: list[list[str]] = []
+    for line in text.splitlines():
+        if match := _ENTRY.fullmatch(line):
+            entries.append(list(match.groups()))
+        elif match := _MORE.fullmatch(line):
+            entries[-1][-1] += ' ' + match[1]
+    for name, default, words in entries:
+        match = _LIMITS.fullmatch(words)
+        meaning, limits = (match[1], match[2].split('; ')) if match else (words, [])
+        yield Described(
+            name, yaml.safe_load(default), meaning,
+            tuple(float(end) for one in limits if _RANGE in one for end in one.split(_RANGE)),
+            tuple(choice for one in limits if _OR in one for choice in one.split(_OR)),
+            _CHANGES in limits)
+
+
+class Settings:
+    """The parameters of a node, by name: ``settings['law']`` is its present value.
+
+    Raises InputError if an initial value cannot be used; later ones that cannot are refused.
     """
+
+    def __init__(self, node: Any, kind: str) -> None:
+        self._node = node
+        self._choices = {one.name: one.choices for one in described(kind) if one.choices}
+        for one in described(kind):
+            _declare(node, one)
+            self._check(one.name, self[one.name])
+        node.add_on_set_parameters_callback(self._check_all)
+        for text in self._unknown():
+            node.get_logger().warning(text)
+
+    def __getitem__(self, name: str) -> Any:
+        return self._node.get_parameter(name).value
+
+    def _check(self, name: str, value: Any) -> None:
+        choices = self._choices.get(name)
+        if choices and value not in choices:
+            raise InputError(
+                f'parameter {name}: must be one of {", ".join(choices)}, not {value!r}')
+
+    def _check_all(self, parameters: Sequence[Any]) -> SetParametersResult:
+        try:
+            for parameter in parameters:
+                self._check(parameter.name, parameter.value)
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _unknown(self) -> list[str]:
+        """Return what to say of each parameter that the node was given and does not have."""
+        # Also holds what a file says of all nodes.
+        given = getattr(self._node, '_parameter_overrides', {})
+        known = list(self._node.get_parameters_by_prefix(''))
+        return [f'parameter {name} does not exist, and has no effect'
+                + (f': is it {like}?' if (like := _like(name, known)) else '')
+                for name in sorted(given)
+                if name not in known and not name.startswith('qos_overrides.')]
+
+    @property
+    def joints(self) -> list[str]:
+        """The names of the joints; raises InputError if one is empty or given twice."""
+        joints = list(self['joints'])
+        if not joints or not all(joints) or len(set(joints)) != len(joints):
+            raise InputError(f'parameter joints: names must be given and differ, not {joints}')
+        return joints
+
+
+def _declare(node: Any, one: Described) -> None:
     descriptor = ParameterDescriptor(
-        description=description, read_only=not changes, additional_constraints=constraints)
-    if low is not None and isinstance(default, int):
+        description=one.meaning, read_only=not one.changes,
+        additional_constraints=' or '.join(one.choices))
+    if one.range and isinstance(one.default, int):
         descriptor.integer_range = [IntegerRange(
-            from_value=int(low), to_value=int(high or 2**31 - 1))]
-    elif low is not None:
+            from_value=int(one.range[0]), to_value=int(one.range[1]))]
+    elif one.range:
         descriptor.floating_point_range = [FloatingPointRange(
-            from_value=float(low), to_value=float(high or LARGE))]
+            from_value=one.range[0], to_value=one.range[1])]
     # An empty list has no type, and ROS takes it for no value.
-    given = getattr(node, '_parameter_overrides', {}).get(name)
-    empty = given is not None and given.value is None
-    if default == [] or (empty and isinstance(default, list) and isinstance(default[0], str)):
+    given = getattr(node, '_parameter_overrides', {}).get(one.name)
+    empty, default = given is not None and given.value is None, one.default
+    if empty:
+        if not isinstance(default, list) or not isinstance(default[0], str):
+            raise InputError(f'parameter {one.name}: has no value (it is {_form(default)})')
         default = ['']
-    elif empty:
-        raise InputError(f'parameter {name}: has no value (it is {_form(default)})')
     try:
-        return node.declare_parameter(name, default, descriptor, ignore_override=empty).value
+        node.declare_parameter(one.name, default, descriptor, ignore_override=empty)
     except InvalidParameterTypeException as error:
-        raise InputError(f'parameter {name}: {error} (it is {_form(default)})') from None
+        raise InputError(
+            f'parameter {one.name}: {error} (it is {_form(one.default)})') from None
     except Exception as error:
         # rclpy's errors for bad initial values have no common base class.
-        raise InputError(f'parameter {name}: {error}') from None
+        raise InputError(f'parameter {one.name}: {error}') from None
 
 
 def _form(default: Any) -> str:
     """Return how a parameter is written whose default this is."""
     if isinstance(default, list):
-        return f'a list, such as {default if default not in ([], [""]) else ["elbow"]}'
+        return f'a list, such as {default if default != [""] else ["elbow"]}'
     return {bool: 'true or false', int: 'a whole number',
             float: 'a number with a point, such as 1.0'}.get(type(default), 'a text')
 
 
-def declare_choice(node: Any, name: str, choices: Sequence[str], description: str) -> str:
-    """Declare a read-only parameter with one of a few values, by default the first; return it."""
-    listed = ' or '.join(choices)
-    value = declare(node, name, choices[0], description, constraints=listed)
-    if value not in choices:
-        raise InputError(f'parameter {name}: must be {listed}, not {value!r}')
-    return str(value)
+def _like(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """Return the name that is most alike, '' if none is."""
+    return next(iter(get_close_matches(name, list(known), 1, cutoff)), '')
+
+
+def check_arguments(file: str, given: Iterable[str], declared: Iterable[str]) -> None:
+    """Raise InputError for an argument that a launch file does not have, but a node or a like name.
+
+    `given` are the command line's, such as ``law:=none``; `declared` the names that the file has.
+    Where another launch file includes this one, they are the other's, and none is refused. Other
+    names are left alone: some are launch's own.
+    """
+    if Path(file).name not in {Path(word).name for word in sys.argv}:
+        return
+    names, parameters = list(declared), {one.name for one in described()}
+    for name in {argument.partition(':=')[0]: None for argument in given}:
+        if name in names:
+            continue
+        if name in parameters:
+            raise InputError(f'{name} is a parameter of a node and no argument of this launch '
+                             'file: set it in a copy of config/parameters.yaml, and give that with '
+                             'parameters:=FILE')
+        if like := _like(name, names, cutoff=0.8):
+            raise InputError(f'this launch file has no argument {name!r}; is it {like!r}?')
 
 
 def names_in(values: Sequence[str]) -> list[str]:
     """Return a string array without empty strings, which represent 'none' in ROS."""
     return [value for value in values if value]
-
-
-def declare_joints(node: Any) -> list[str]:
-    """Declare `joints` and return them; raise InputError if a name is empty or duplicate."""
-    joints = declare(
-        node, 'joints', ['joint'],
-        'names of the joints, in the order of all arrays on topics')
-    if not joints or not all(joints) or len(set(joints)) != len(joints):
-        raise InputError(f'parameter joints: names must be given and differ, not {list(joints)}')
-    return list(joints)
 
 
 def load_models(model_files: Sequence[str], joints: Sequence[str],
