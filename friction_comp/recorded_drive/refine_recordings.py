@@ -45,10 +45,16 @@ def refine_recordings(given: Given, paths: Sequence[Path],
     joint, model = given.joint, None
     if given.model:
         from friction_comp.model.friction_model import FrictionModel
-        from friction_comp.recordings.sources import find_recordings, without_topic
+        from friction_comp.recordings.sources import (
+            find_recordings,
+            recorded_joints,
+            without_topic,
+        )
 
-        model = FrictionModel.load(given.model, joint and without_topic(
-            find_recordings(paths)[0], joint))
+        first = find_recordings(paths)[0]
+        model = FrictionModel.load(given.model, joint and without_topic(first, joint))
+        if not joint and model.joint in recorded_joints(first, given.layout):
+            joint = model.joint
     drive = drive_of(given, model)
     recordings = read_condensed(
         paths, joint, drive.torque_per_current,

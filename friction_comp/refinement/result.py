@@ -46,32 +46,32 @@ class Predicted:
 class Errors:
     """The errors of a model, A."""
 
-    model: str
-    fit_rmse: float
-    held_out_rmse: float
-    held_out_max: float
-    held_out_r2: float
-    worst_part_rmse: float
-    standstill_rmse: float | None
-    overall_rmse: float
-    elsewhere_rmse: float
-    elsewhere_motion_rmse: float
-    part_rmse: list[float]
+    model: str  # names of its parts
+    fit_rmse: float  # RMS in motion, as written, by `predict` on the recording
+    held_out_rmse: float  # RMS in motion, each part predicted by a fit to all others
+    held_out_max: float  # largest
+    held_out_r2: float  # share of the variance that is explained
+    worst_part_rmse: float  # of the part with the largest error
+    standstill_rmse: float | None  # at and near standstill; null if there is none
+    overall_rmse: float  # held out, with standstill
+    elsewhere_rmse: float  # to expect on another recording, with standstill
+    elsewhere_motion_rmse: float  # the same in motion only
+    part_rmse: list[float]  # of each part
 
 
 @dataclass(frozen=True)
 class FoundEffect:
     """An effect that the recordings show."""
 
-    name: str
-    variable: str
+    name: str  # that in the model file
+    variable: str  # what it depends on
     held_out_rmse: float  # with it and all effects above it
     chosen: float  # share of the repeated searches, 0..1
-    parameters: dict[str, Any]
-    intervals: dict[str, Any]
-    holds_on_another_day: bool | None  # None of a lag, which belongs to the electronics
-    in_words: str
-    formula: str
+    parameters: dict[str, Any]  # as in the model file
+    intervals: dict[str, Any]  # 95 %, of the same names
+    holds_on_another_day: bool | None  # false if it is this recording's alone; none of a lag
+    in_words: str  # for readers
+    formula: str  # the same as a formula
     # Names of other effects that would predict as well: the recording cannot tell which it is.
     instead: list[str] = field(default_factory=list)
 
@@ -80,16 +80,16 @@ class FoundEffect:
 class Correlation:
     """Two parameters that the recordings determine together better than each alone."""
 
-    between: list[str]
-    correlation: float
+    between: list[str]  # their names
+    correlation: float  # rank correlation over fits to parts drawn at random
 
 
 @dataclass(frozen=True)
 class Question:
     """Two effects that explain the recordings equally well, by the variables they depend on."""
 
-    between: list[str]
-    why: str
+    between: list[str]  # the variables that they depend on
+    why: str  # in words
     experiment: str  # a recording that would decide
 
     @property
@@ -126,30 +126,30 @@ class RefinementReport(Mapping[str, Any]):
     It reads like the mapping that report.json holds, too: ``report['after']['held_out_rmse']``.
     """
 
-    unit: str
-    joint: str
-    samples: int
-    samples_in_motion: int
-    samples_clipped: int
-    held_out: str
-    signal_rms: float
-    before: Errors
-    after: Errors
-    noise_floor: float
-    effects: list[FoundEffect]
-    friction: FrictionNumbers
-    assumed: list[str]
-    correlations: list[Correlation]
-    unexplained: list[Dependence]
-    ambiguous: list[Question]
-    thirds: dict[str, float]
-    differentiation: dict[str, Any]
-    stopped_because: str
-    verdict: str
-    reasons: list[str]
-    record_again: list[str]
-    warnings: list[str]
-    findings: list[Finding]
+    unit: str  # of all figures
+    joint: str  # its name
+    samples: int  # rows read
+    samples_in_motion: int  # rows that are fitted
+    samples_clipped: int  # rows at a limit of the current
+    held_out: str  # how fitted and held-out data were split
+    signal_rms: float  # RMS of the current in motion
+    before: Errors  # of the model given, or of the friction curve alone
+    after: Errors  # of the refined model
+    noise_floor: float  # standard deviation of the white noise in the residual
+    effects: list[FoundEffect]  # those found, in the order in which they lower the error
+    friction: FrictionNumbers  # the numbers of a sliding joint
+    assumed: list[str]  # columns of a table without a unit, with the one taken for granted
+    correlations: list[Correlation]  # of pairs of parameters, at most eight
+    unexplained: list[Dependence]  # variables on which the residual still depends
+    ambiguous: list[Question]  # effects that the recording cannot tell apart
+    thirds: dict[str, float]  # error where thirds of a variable's range were left out, over held out
+    differentiation: dict[str, Any]  # how velocity and acceleration were computed
+    stopped_because: str  # why the search ended
+    verdict: str  # trust, trust in part, or record again: the worst grade of the findings
+    reasons: list[str]  # texts of the findings that lower the verdict
+    record_again: list[str]  # what to record instead
+    warnings: list[str]  # texts of the other findings, and notes on the recordings
+    findings: list[Finding]  # all that a reader should know
 
     def content(self) -> dict[str, Any]:
         """Return the content of report.json."""
