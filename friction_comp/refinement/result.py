@@ -142,7 +142,7 @@ class RefinementReport(Mapping[str, Any]):
     correlations: list[Correlation]  # of pairs of parameters, at most eight
     unexplained: list[Dependence]  # variables on which the residual still depends
     ambiguous: list[Question]  # effects that the recording cannot tell apart
-    thirds: dict[str, float]  # error where thirds of a variable's range were left out, over held out
+    thirds: dict[str, float]  # error with a third of a range left out, over the other
     differentiation: dict[str, Any]  # how velocity and acceleration were computed
     stopped_because: str  # why the search ended
     verdict: str  # trust, trust in part, or record again: the worst grade of the findings
