@@ -6,11 +6,11 @@ from dataclasses import replace
 import math
 
 from arm_maker import random_urdf
+from effect_maker import parameters_of
 from helpers import note_model
 from hypothesis import given, Phase, settings, strategies as st
 import numpy as np
 import pytest
-from test_effect_properties import parameters_of
 
 from friction_comp.arm.urdf import Chain
 from friction_comp.compensation.law import CompensationLaw
