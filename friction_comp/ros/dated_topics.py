@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Collection
 from functools import partial
 import struct
@@ -16,8 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
@@ -51,15 +50,8 @@ _CHECK_PERIOD = 0.1
 _LONGEST_WAIT, _MOST_WAITING = 5 * NANO, 100_000
 # Real s within which the middleware repeats a lost message, and those that it withholds until then.
 _REPEATED = 0.25
-# Length of the queue: ten seconds at a kilohertz; messages remembered to detect duplicates, since
-# a later subscription may receive earlier messages.
+# Length of the queue: ten seconds at a kilohertz; and messages remembered to detect duplicates.
 DEPTH = 10_000
-_MAX_SEEN = 2 * DEPTH
-
-Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
-_BEST_EFFORT: Offer = (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
-_RELIABLE: Offer = (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
-_LASTING: Offer = (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def stamp_of(cdr: bytes) -> int:
@@ -70,92 +62,76 @@ def stamp_of(cdr: bytes) -> int:
     return int(seconds * NANO + nanoseconds) if seconds >= 0 and nanoseconds < NANO else 0
 
 
-def diagnosed_nodes(cdr: bytes) -> str:
-    """Return the nodes in a serialised diagnostic message, '' if it cannot be read."""
-    try:
-        message = deserialize_message(cdr, DiagnosticArray)
-    except Exception:  # whatever the middleware raises
-        return ''
-    return ', '.join(status.name for status in message.status)
-
-
 class RecordedTopic:
-    """Subscribes to a topic with the quality of service (QoS) of its publishers.
+    """Subscribes to a topic: reliably where all publishers offer that, else with best effort.
 
-    Their QoS is known only after discovery, and messages may arrive earlier: the first subscription
-    is reliable. If another QoS fits the publishers better, a second subscription is added, and
-    duplicates are removed.
+    What they offer is known only after discovery, and messages may arrive earlier: the first
+    subscription is reliable. Another one takes its place as soon as it hears as many publishers;
+    what both receive is taken once. `lost` counts the messages that the middleware has missed.
 
-    Each publisher numbers its messages, but a message does not name its publisher. A number that
-    continues no known sequence follows lost messages, or is the first one received from another
-    publisher. If both are possible, the gap counts as `lost` until the earlier sequence continues.
-
-    `take` is called with each serialised message and the middleware's message info. `sender`
-    returns the sender of a message, for topics with many publishers.
+    `take` is called with each serialised message and the middleware's message info.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str,
-                 take: Callable[[bytes, dict[str, Any]], None],
-                 sender: Callable[[bytes], str] | None = None) -> None:
+                 take: Callable[[bytes, dict[str, Any]], None]) -> None:
         self.name = node.resolve_topic_name(topic)
         self.lost = 0
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
-        self._sender = sender
-        self._subscriptions: dict[Offer, Any] = {}
+        self._reliability = ReliabilityPolicy.RELIABLE
+        self._subscriptions: list[Any] = []
         # In the order of arrival; only the keys are used.
         self._seen: dict[tuple[int, int], None] = {}
-        # Next number of each sequence, by sender, and whether the sequence has continued; losses to
-        # take back if one of these numbers arrives.
-        self._expected: defaultdict[str, dict[int, bool]] = defaultdict(dict)
-        self._doubtful: dict[int, int] = {}
-        self._publishers: frozenset[tuple[bytes, Offer]] = frozenset()
-        self._subscribe(_RELIABLE)
+        self._subscribe()
 
-    def _subscribe(self, offer: Offer) -> None:
+    def _subscribe(self) -> None:
+        lost_before = 0
+
+        def count_lost(event: Any) -> None:
+            nonlocal lost_before
+            self.lost, lost_before = self.lost + event.total_count - lost_before, event.total_count
+
         def take(message: bytes, info: dict[str, Any]) -> None:
             self._receive(message, info)
             # The executor takes one message per poll of all entities.
-            self._drain(self._subscriptions[offer])
-        self._subscriptions[offer] = self._node.create_subscription(
-            self._kind, self._topic, take, QoSProfile(
-                depth=DEPTH, reliability=offer[0], durability=offer[1]), raw=True,
-            # It would warn that it receives nothing from some, whom another one receives.
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+            self._drain(subscription)
+        subscription = self._node.create_subscription(
+            self._kind, self._topic, take, QoSProfile(depth=DEPTH, reliability=self._reliability),
+            # By default, a word in the log of each publisher that the first one does not hear.
+            event_callbacks=SubscriptionEventCallbacks(
+                message_lost=count_lost, use_default_callbacks=False), raw=True)
+        self._subscriptions.append(subscription)
 
     @property
     def publisher_count(self) -> int:
         """Number of connected publishers."""
-        return max(subscription.get_publisher_count()
-                   for subscription in self._subscriptions.values())
+        return max(one.get_publisher_count() for one in self._subscriptions)
 
     def check_publishers(self) -> None:
-        """Check the publishers, and subscribe with a QoS that fits them."""
-        publishers = frozenset(
-            (bytes(info.endpoint_gid),
-             (info.qos_profile.reliability, info.qos_profile.durability))
-            for info in self._node.get_publishers_info_by_topic(self.name))
-        if publishers == self._publishers:
-            return
-        self._publishers = publishers
-        # A publisher that came or went explains a gap.
-        self._expected.clear()
-        self._doubtful.clear()
-        offers = {offer for _, offer in publishers}
-        best = _LASTING if offers == {_LASTING} else _RELIABLE
-        if any(reliability != ReliabilityPolicy.RELIABLE for reliability, _ in offers):
-            best = _BEST_EFFORT
-        if best not in self._subscriptions:
-            self._subscribe(best)
+        """Subscribe as the publishers offer, and end a subscription that is not needed any more."""
+        offers = {info.qos_profile.reliability for info in self._publishers()}
+        best = (ReliabilityPolicy.RELIABLE if offers == {ReliabilityPolicy.RELIABLE}
+                else ReliabilityPolicy.BEST_EFFORT)
+        if offers and best != self._reliability:
+            self._reliability = best
+            self._subscribe()
+        former, last = self._subscriptions[0], self._subscriptions[-1]
+        if former is not last and last.get_publisher_count() >= former.get_publisher_count():
+            self._drain(former)
+            self._node.destroy_subscription(self._subscriptions.pop(0))
+
+    def _publishers(self) -> Any:
+        return self._node.get_publishers_info_by_topic(self.name)
 
     def offered(self) -> list[dict[str, Any]]:
         """Return the publishers' QoS for a recording; empty if unknown."""
-        self.check_publishers()
         return [qos_profile(reliability.name.lower(), durability.name.lower())
-                for reliability, durability in sorted({offer for _, offer in self._publishers})]
+                for reliability, durability in sorted({
+                    (info.qos_profile.reliability, info.qos_profile.durability)
+                    for info in self._publishers()})]
 
     def drain(self) -> None:
         """Process all messages that have arrived."""
-        for subscription in list(self._subscriptions.values()):
+        for subscription in self._subscriptions:
             self._drain(subscription)
 
     def _drain(self, subscription: Any) -> None:
@@ -167,43 +143,13 @@ class RecordedTopic:
                 self._receive(*message)
 
     def _receive(self, message: bytes, info: dict[str, Any]) -> None:
-        sequence = info['publication_sequence_number'] or 0
-        key = info['source_timestamp'], sequence
+        key = info['source_timestamp'], info['publication_sequence_number'] or 0
         if key in self._seen:
             return
         self._seen[key] = None
-        if len(self._seen) > _MAX_SEEN:
+        if len(self._seen) > DEPTH:
             del self._seen[next(iter(self._seen))]
-        if sequence:
-            self._count_lost(self._sender(message) if self._sender else '', sequence)
         self._take(message, info)
-
-    def _count_lost(self, sender: str, sequence: int) -> None:
-        """Count the messages of a sender that are missing before a sequence number.
-
-        Publishers number their messages apart, and do not say which they are: `_expected` has the
-        next number of each, with whether a message has confirmed it. While not all were heard, a
-        gap may be the first message of another publisher, and its loss is `_doubtful`.
-        """
-        if sequence not in self._expected[sender]:
-            self.check_publishers()
-        expected = self._expected[sender]
-        if sequence in expected:
-            # The sequence goes on: what was counted as its gap began another publisher's sequence.
-            del expected[sequence]
-            self.lost -= self._doubtful.pop(sequence, 0)
-            expected[sequence + 1] = True
-            return
-        before = max((number for number in expected if number < sequence), default=None)
-        # Then a number that was not expected cannot be the first of another publisher.
-        all_heard = len(expected) >= (1 if sender else len(self._publishers))
-        if before is not None and (all_heard or expected[before]):
-            self.lost += sequence - before - self._doubtful.pop(before, 0)
-            if all_heard:
-                del expected[before]
-            else:
-                self._doubtful[before] = sequence - before
-        expected[sequence + 1] = False
 
 
 class DatedTopics:
@@ -229,9 +175,7 @@ class DatedTopics:
         for topic, kind, stamped in _SUBSCRIBED:
             if topic not in left_out:
                 receive = self._on_stamped if stamped else self._on_unstamped
-                self.topics[topic] = RecordedTopic(
-                    node, kind, topic, partial(receive, topic),
-                    diagnosed_nodes if kind is DiagnosticArray else None)
+                self.topics[topic] = RecordedTopic(node, kind, topic, partial(receive, topic))
         steady_timer(node, _CHECK_PERIOD, self._check)
 
     def _check(self) -> None:
