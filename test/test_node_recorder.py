@@ -229,8 +229,9 @@ def test_losses_are_counted(tmp_path):
             probe.matched(states)
             count = talk_until(probe, states, lambda n: n >= 100, 'states')
             recorder.send(signal.SIGSTOP)
-            for count in range(count + 1, count + 4001):
-                states.publish(joint_state(10**9 + count * 10**6, ['elbow'], [0.0]))
+            for number in range(count, count + 4000):
+                states.publish(joint_state(10**9 + number * 10**6, ['elbow'], [0.0]))
+            count += 4000
             recorder.send(signal.SIGCONT)
             status = probe.status_of('recorder', lambda one: int(
                 value_of(one, 'joint_states')) + int(value_of(one, 'messages lost')) == count)

@@ -128,14 +128,6 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument('--damping', metavar='KD', help='k_d in N·m·s/rad, as --stiffness')
         return self
 
-    def add_effort_holds(self) -> Arguments:
-        """Add --effort-holds, what the running system's joint states hold."""
-        self.add_argument(
-            '--effort-holds', choices=('torque', 'current'), default='torque',
-            help="what the driver's effort is: torque at the joint in N·m, or current of the motor "
-            'in A (%(default)s)')
-        return self
-
     def add_drive(self) -> Arguments:
         """Add --torque-constant and --gear-ratio, None by default."""
         self.add_argument(
