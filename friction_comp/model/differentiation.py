@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import math
 from typing import Any, TypeGuard
 
@@ -18,8 +17,8 @@ from friction_comp.statistics import median
 METHOD = 'zero-phase Butterworth'
 # Used if a model does not say how it was fitted.
 DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
-# Values up to which a filter is run without SciPy, whose import takes as long as a million of them.
-_SHORT = 20_000
+# Rounds of Jacobi's method: an error of a millionth of the change of a slope between samples.
+_ROUNDS = 20
 # Time steps that differ by a smaller share than this are uniform.
 _UNIFORM = 1e-3
 # A step of more median ones has lost a sample, a shorter one an early and a late stamp.
@@ -209,52 +208,30 @@ def as_recorded(current: np.ndarray, samples: Samples, time_constant: float | No
     return result
 
 
-def _low_pass(cutoff: float) -> tuple[float, float, float]:
-    """Return b0, a1 and a2 of a second-order Butterworth low pass, whose b1 is 2·b0 and b2 b0.
-
-    The cutoff frequency is a share of half the sample rate; its tangent is the bilinear transform.
-    """
-    w = math.tan(0.5 * math.pi * cutoff)
-    scale = 1.0 / (1.0 + math.sqrt(2.0) * w + w * w)
-    return w * w * scale, 2.0 * (w * w - 1.0) * scale, (1.0 - math.sqrt(2.0) * w + w * w) * scale
-
-
 def filters(bandwidth: float | None, sample_time: float) -> TypeGuard[float]:
     """Return whether a bandwidth, Hz, is so far below half of the sample rate that it filters."""
     return bandwidth is not None and 0.0 < 2.0 * bandwidth * sample_time < 0.95
 
 
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
-    """Return a signal, (N, ...), behind a zero-phase low pass of a bandwidth, Hz, if it filters."""
-    if not filters(bandwidth, sample_time):
+    """Return a signal, (N, ...), behind a zero-phase low pass of a bandwidth, Hz, if it filters.
+
+    It is the response of a second-order Butterworth filter that is run forwards and backwards, on
+    the signal continued with odd symmetry about both ends. A straight line passes unchanged.
+    """
+    if not filters(bandwidth, sample_time) or len(signal) < 3:
         return signal
-    b0, a1, a2 = _low_pass(2.0 * bandwidth * sample_time)
-    # Long enough for slow transients of narrow filters, short enough for short parts.
-    padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))
-    if np.size(signal) > _SHORT:
-        from scipy.signal import sosfiltfilt
-
-        return sosfiltfilt([[b0, 2.0 * b0, b0, 1.0, a1, a2]], signal, padtype='odd',
-                           padlen=padding, axis=0)
-    if np.ndim(signal) > 1:
-        return np.column_stack([_smooth(one, sample_time, bandwidth) for one in signal.T])
-    extended = np.concatenate((2.0 * signal[0] - signal[padding:0:-1], signal,
-                               2.0 * signal[-1] - signal[-2:-padding - 2:-1])).tolist()
-    for _ in range(2):
-        extended = _filtered(extended, b0, a1, a2)[::-1]
-    return np.array(extended[padding:len(extended) - padding])
-
-
-def _filtered(values: Sequence[float], b0: float, a1: float, a2: float) -> list[float]:
-    """Return values behind a low pass (transposed direct form II) at rest at the first of them."""
-    second = (b0 - a2) * values[0]
-    first = (2.0 * b0 - a1) * values[0] + second
-    result = []
-    for value in values:
-        low = b0 * value + first
-        first, second = 2.0 * b0 * value - a1 * low + second, b0 * value - a2 * low
-        result.append(low)
-    return result
+    values = np.asarray(signal, dtype=float)
+    last = len(values) - 1
+    place = np.arange(len(values)) / last
+    line = values[0] + np.multiply.outer(place, values[-1] - values[0])
+    odd = values - line
+    period = np.concatenate((odd[:-1], -odd[:0:-1]))
+    cutoff = math.tan(math.pi * bandwidth * sample_time)
+    response = 1.0 / (1.0 + (np.tan(0.5 * math.pi * place) / cutoff) ** 4)
+    spectrum = np.fft.rfft(period, axis=0)
+    spectrum *= response.reshape((-1,) + (1,) * (values.ndim - 1))
+    return np.asarray(line + np.fft.irfft(spectrum, 2 * last, axis=0)[:len(values)])
 
 
 def _derivative(values: np.ndarray, time: np.ndarray, smooth: bool = False) -> np.ndarray:
@@ -267,11 +244,21 @@ def _derivative(values: np.ndarray, time: np.ndarray, smooth: bool = False) -> n
     step = np.diff(time)
     step = np.maximum(step, 0.25 * median(step))
     even = np.concatenate(([0.0], np.cumsum(step)))
-    if smooth and len(values) > 3:
-        from scipy.interpolate import CubicSpline
+    slope = np.asarray(np.gradient(values, even, axis=0))
+    return _spline_slope(values, np.diff(even), slope) if smooth and len(values) > 3 else slope
 
-        return np.asarray(CubicSpline(even, values)(even, 1))
-    return np.asarray(np.gradient(values, even, axis=0))
+
+def _spline_slope(values: np.ndarray, step: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Return the slope of the cubic spline through values, (N,), with that of `slope` at its ends.
+
+    Its equations are solved by Jacobi's method, each round of which halves the error at least.
+    """
+    secant, own, after = np.diff(values) / step, step[:-1], step[1:]
+    right, both = 3.0 * (after * secant[:-1] + own * secant[1:]), 2.0 * (own + after)
+    result = slope.copy()
+    for _ in range(_ROUNDS):
+        result[1:-1] = (right - after * result[:-2] - own * result[2:]) / both
+    return result
 
 
 def _in_counts(velocity: np.ndarray) -> bool:
