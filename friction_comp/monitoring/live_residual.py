@@ -1,10 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the residual of a running joint, with its model and with a new model on trial."""
+"""Computes the residual of a running joint with its model."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -20,10 +19,6 @@ from friction_comp.samples import Samples
 _SETTLING, _LOOKAHEAD = 3.0, 0.3
 # Columns of a row: time, position, velocity, current, load, temperature.
 _WIDTH = 6
-# Fewest blocks of motion to judge a new model, and blocks after which its trial ends.
-_FEWEST_BLOCKS, _TRIAL_BLOCKS = 30, 300
-# A new model is worse if its error is larger by this factor.
-_WORSE_FACTOR = 1.05
 
 
 class LiveResidual:
@@ -107,56 +102,3 @@ class LiveResidual:
     def verdict(self) -> ModelFit:
         """Return the verdict of the monitor."""
         return self.monitor.verdict()
-
-
-class JointWatch:
-    """Computes the residual of one joint by the model in `file`, and by the last one in a trial."""
-
-    def __init__(self, tolerance: float, joint: str, path: str) -> None:
-        self._tolerance, self._joint = tolerance, joint
-        self.last_load = -math.inf    # stamp of the last sample with a measured load, s
-        # File and residual of the model that a new one, on trial, has replaced.
-        self.trial: tuple[str, LiveResidual] | None = None
-        self.file, self.residual = path, self._load(path)
-
-    def _load(self, path: str) -> LiveResidual:
-        return LiveResidual(FrictionModel.load(path, self._joint), self._tolerance)
-
-    def use(self, path: str) -> None:
-        """Compare with the model of a file, unless it is in use already."""
-        if path != self.file:
-            self.residual = self._load(path)
-            self.file, self.trial = path, None
-
-    def start_trial(self, path: str) -> None:
-        """Compare a new model and the present one on the same motion."""
-        trial = self.file, self._load(self.file)
-        self.use(path)
-        self.trial = trial
-
-    def add(self, rows: np.ndarray) -> None:
-        """Add measurements, as in `LiveResidual`."""
-        self.residual.add(rows)
-        if self.trial is not None:
-            self.trial[1].add(rows)
-
-    def end_trial(self) -> tuple[str, str] | None:
-        """End the trial if the new model is worse, or if there was enough motion.
-
-        Return the file of the previous model and why the new one is worse; None if it is not.
-        """
-        if self.trial is None:
-            return None
-        previous, old, new = self.trial[0], self.trial[1].monitor, self.residual.monitor
-        blocks = min(old.blocks, new.blocks)
-        if blocks < _FEWEST_BLOCKS:
-            return None
-        errors = old.error(blocks), new.error(blocks)
-        worse = errors[1] > _WORSE_FACTOR * errors[0]
-        if worse or blocks >= _TRIAL_BLOCKS:
-            self.trial = None
-        if not worse:
-            return None
-        return previous, (
-            f'on {blocks} blocks of motion its error is {1e3 * errors[1]:.3g} mA, that of the '
-            f'previous model {1e3 * errors[0]:.3g} mA')

@@ -179,7 +179,7 @@ class ConfiguredCompensator(CompensationLoop):
         self._rate.count = self.heard
         return {
             'joint_states rate [Hz]': self._rate.per_second(),
-            'law': self._settings['law'], 'model_files': str(list(self._settings['model_files'])),
+            'law': self._settings['law'],
             'settings': ', '.join(f'{one.name} {value}' for one in _TUNING
                                   if (value := self._settings[one.name]) != one.default),
             'said of the models': '; '.join(self._told),
@@ -355,7 +355,8 @@ class CompensatorNode(LifecycleNode):
 
     def _report(self) -> tuple[Any, ...]:
         configured = self._configured
-        values = {'state': self._state, 'joint_states rate [Hz]': 0.0}
+        values = {'state': self._state, 'joint_states rate [Hz]': 0.0,
+                  'model_files': str(list(self._settings['model_files']))}
         if configured is not None:
             values.update(configured.values())
         fault = self._faults.worst

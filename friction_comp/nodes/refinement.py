@@ -4,86 +4,130 @@
 
 from __future__ import annotations
 
+import ast
+from collections import deque
+from collections.abc import Sequence
 from datetime import datetime
+import math
 from pathlib import Path
 import time
 import traceback
-from typing import Any
+from typing import Any, NamedTuple
 
+from diagnostic_msgs.msg import DiagnosticArray
 from friction_comp_interfaces.action import RefineModel
+from geometry_msgs.msg import WrenchStamped
 import numpy as np
-from rcl_interfaces.srv import GetParameters, SetParameters
+from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState, Temperature
 
+from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
 from friction_comp.files import file_names
-from friction_comp.monitoring.live_residual import JointWatch
-from friction_comp.nodes.live_signals import LiveSignals
-from friction_comp.nodes.refine_job import Message, RecentPast, RefineJob, refusal
-from friction_comp.recorded_drive.child import Refined
+from friction_comp.layout import Layout
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.monitoring.live_residual import LiveResidual
+from friction_comp.recorded_drive.child import Refined, RefinementProcess
+from friction_comp.recorded_drive.given import Given
+from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.ros.executor import yield_to_executor
 from friction_comp.ros.parameters import load_models, names_in, Settings
 from friction_comp.ros.ros_start import steady_timer
+from friction_comp.stamps import NANO
 
-# Real s between checks of a running refinement and of the residual.
+# Real s between looks at a running refinement, and between comparisons of models with the motion.
 _POLL_PERIOD, _MONITORING_PERIOD = 0.2, 1.0
-# Time without a measured load after which it counts as not measured, s.
-_LOAD_SILENCE = 5.0
-# Timeout of the compensator's answers, s; it validates a new model before it answers.
-_TIMEOUT = 20.0
-_NOT_KEPT = ('reference', '/diagnostics')
+# Real s in which the compensator validates and takes a new model, and after which it is not heard.
+_TIMEOUT, _SILENCE = 20.0, 3.0
+# Messages that are written at once.
+_AT_ONCE = 500
+# ns between states that are compared, and of difference up to which a load, or temperature, counts.
+_STEP, _LOAD_AGE, _TEMPERATURE_AGE = 8_000_000, 50_000_000, 60 * NANO
+_SLOW = {'interaction_wrench': (WrenchStamped, lambda message: message.wrench.torque.z),
+         'motor_temperature': (Temperature, lambda message: message.temperature)}
 
 
-class CompensatorClient:
-    """The running compensator with a node name, and the model files of its joints."""
+class Message(NamedTuple):
+    """One message."""
 
-    def __init__(self, node: Node, name: str) -> None:
-        self.name = name
-        self.model_changes = 0    # answers to earlier requests are outdated
-        self._get = node.create_client(GetParameters, f'{name}/get_parameters')
-        self._set = node.create_client(SetParameters, f'{name}/set_parameters')
+    stamp: int    # ns
+    topic: str
+    type_name: str
+    cdr: bytes
 
-    async def files(self) -> dict[str, str]:
-        """Return the model file of each joint; empty if no compensator is running."""
-        if not self._get.service_is_ready() or not self._set.service_is_ready():
-            return {}
-        reply = await self._wait_for(self._get.call_async(
-            GetParameters.Request(names=['joints', 'model_files'])))
-        joints, files = (parameter_value_to_python(value) for value in reply.values)
-        return dict(zip(joints or (), files or ()))
 
-    async def load(self, joint: str, path: str) -> None:
-        """Load a model for one joint; raise InputError if the compensator is missing or refuses."""
-        files = await self.files()
-        if joint not in files:
-            raise InputError(f'no compensator of {joint} is running as {self.name}')
-        files[joint] = path
-        reply = await self._wait_for(self._set.call_async(SetParameters.Request(parameters=[
-            Parameter('model_files', value=list(files.values())).to_parameter_msg()])))
-        result = reply.results[0]
-        if not result.successful:
-            raise InputError(f'{self.name} refuses the model: {result.reason}')
-        self.model_changes += 1
+class RecentPast:
+    """The messages of the last `seconds`, real s, at most `size` bytes of them."""
 
-    async def _wait_for(self, future: Any) -> Any:
-        end = time.monotonic() + _TIMEOUT
-        while not future.done():
-            if time.monotonic() > end:
-                raise InputError(f'{self.name} does not answer')
-            await yield_to_executor()
-        return future.result()
+    def __init__(self, seconds: float, size: int):
+        self._seconds, self._largest, self.size = seconds, size, 0
+        self._kept = deque[tuple[float, Message]]()
+
+    def add(self, message: Message) -> None:
+        """Add a message, and remove the oldest ones beyond the limits."""
+        now = time.monotonic()
+        self._kept.append((now, message))
+        self.size += len(message.cdr)
+        while self.size > self._largest or self._kept[0][0] < now - self._seconds:
+            self.size -= len(self._kept.popleft()[1].cdr)
+
+    @property
+    def span(self) -> float:
+        """Duration of the messages, s."""
+        return self._kept[-1][0] - self._kept[0][0] if self._kept else 0.0
+
+    def last(self, seconds: float = 0.0) -> list[Message]:
+        """Return the messages of the last `seconds` by their stamps, in their order; 0: all."""
+        messages = sorted((message for _, message in self._kept), key=lambda one: one.stamp)
+        since = messages[-1].stamp - seconds * NANO if messages and seconds > 0.0 else 0.0
+        return [message for message in messages if message.stamp >= since]
+
+
+class LiveRows:
+    """Rows for `LiveResidual`, some hundred per second, from serialised messages."""
+
+    def __init__(self, joints: list[str], effort_per_current: Sequence[float]) -> None:
+        self._joints, self._gains = joints, np.asarray(effort_per_current)
+        self._columns, self._last = JointColumns(joints), 0
+        # Of each slow topic and joint: stamp and value.
+        self._slow = {topic: [(-_TEMPERATURE_AGE, math.nan)] * len(joints) for topic in _SLOW}
+        self._rows: list[np.ndarray] = []
+
+    def add(self, topic: str, stamp: int, cdr: bytes) -> None:
+        """Take a message of any topic."""
+        if topic in _SLOW:
+            kind, value_of = _SLOW[topic]
+            message = deserialize_message(cdr, kind)
+            if message.header.frame_id in self._joints:
+                joint = self._joints.index(message.header.frame_id)
+                self._slow[topic][joint] = stamp, value_of(message)
+        elif topic == STATES and not self._last <= stamp < self._last + _STEP:
+            self._last = stamp
+            position, velocity, effort = self._columns.read(deserialize_message(cdr, JointState))
+            slow = [[value if abs(stamp - at) <= age else math.nan for at, value in values]
+                    for values, age in zip(self._slow.values(), (_LOAD_AGE, _TEMPERATURE_AGE))]
+            self._rows.append(np.array([
+                [stamp / NANO] * len(position), position,
+                np.full(len(position), math.nan) if velocity is None else velocity,
+                effort / self._gains, *slow]))
+
+    def take(self) -> list[np.ndarray]:
+        """Return and forget the rows of each joint."""
+        rows, self._rows = self._rows, []
+        return list(np.array(rows).reshape(-1, 6, len(self._joints)).transpose(2, 0, 1))
 
 
 class RefinementNode(Node):
     """Serves one goal at a time; commands no motor.
 
     It subscribes to the topics of the recorder, keeps the last minutes, and compares the measured
-    current with the model of each joint.
+    current with the model of each joint: that of the compensator, as its diagnostics say.
     """
 
     # Nothing waits for this node: messages are processed in batches.
@@ -95,24 +139,24 @@ class RefinementNode(Node):
         self._joints = settings.joints
         models = load_models(settings['model_files'], self._joints)
         self._files = dict(zip(self._joints, names_in(settings['model_files'])))
+        self._residuals = {joint: LiveResidual(model, settings['tolerance'])
+                           for joint, model in zip(self._joints, models)}
         self._past = RecentPast(settings['memory'], round(1e6 * settings['memory_size']))
-        self._compensator = CompensatorClient(self, settings['compensator'])
         self._in_ampere = settings['effort_holds'] == 'current'
-        self._signals = LiveSignals(self._joints, [
+        self._rows = LiveRows(self._joints, [
             1.0 if self._in_ampere else model.drive.torque_per_current for model in models])
-        self._watches = {joint: JointWatch(settings['tolerance'], joint, path)
-                         for joint, path in self._files.items()}
         self._rate = Rate()
-        self._job: RefineJob | None = None
-        self._busy = self._comparing = False
+        # Model files of the compensator's joints, and when it was heard last to be active, real s.
+        self._compensators: dict[str, str] = {}
+        self._active = -math.inf
+        self._set = self.create_client(
+            SetParameters, f'{settings["compensator"]}/set_parameters')
+        self._job: RefinementProcess | None = None
+        self._busy, self._stopped, self._error = False, '', ''
         self._fits = dict.fromkeys(self._joints, True)
-        # By joint: file that was worse in its trial, file to load instead, and why.
-        self._to_unload: dict[str, tuple[str, str, str]] = {}
-        self._last_result = self._last_refusal = self._error = ''
-        self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
-        # In the node's default group, waiting for the compensator would block all callbacks.
-        steady_timer(
-            self, _MONITORING_PERIOD, self._monitor, callback_group=ReentrantCallbackGroup())
+        self._last_result = self._last_refusal = ''
+        self._topics = DatedTopics(self, self._keep, ('reference',)).topics
+        steady_timer(self, _MONITORING_PERIOD, self._monitor)
         self._server = ActionServer(
             self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
             cancel_callback=lambda _: CancelResponse.ACCEPT)
@@ -120,80 +164,59 @@ class RefinementNode(Node):
 
     def _keep(self, topic: str, stamp: int, cdr: bytes) -> None:
         cdr = bytes(cdr)
+        if topic == '/diagnostics':
+            self._hear_compensator(deserialize_message(cdr, DiagnosticArray))
+            return
+        self._rate.count += topic == STATES
         self._past.add(Message(stamp, self._topics[topic].name, RECORDED[topic], cdr))
-        if topic == STATES:
-            self._rate.count += 1
-            self._signals.add_state(stamp, cdr)
-        elif topic in ('interaction_wrench', 'motor_temperature'):
-            self._signals.add_message(topic, stamp, cdr)
+        self._rows.add(topic, stamp, cdr)
 
-    async def _monitor(self) -> None:
-        if self._comparing:
-            return
-        self._comparing = True
-        try:
-            await self._compare()
-            self._error = ''
-        except InputError as error:
-            self._error = str(error)
-        finally:
-            self._comparing = False
+    def _hear_compensator(self, message: Any) -> None:
+        for status in message.status:
+            values = {item.key: item.value for item in status.values}
+            if status.name.partition(':')[0] == self._settings['compensator'].lstrip('/') and (
+                    'model_files' in values):
+                self._compensators = dict(zip(
+                    status.hardware_id.split(', '), ast.literal_eval(values['model_files'])))
+                if values.get('state') == 'active':
+                    self._active = time.monotonic()
+                self._use(self._compensators)
 
-    async def _compare(self) -> None:
-        model_changes = self._compensator.model_changes
-        files = await self._compensator.files()
-        if model_changes != self._compensator.model_changes:
-            # The answer may be older than the change, and would end the trial of the new model.
-            return
-        name = self._compensator.name.rpartition('/')[2]
-        compensated = any(info.node_name == name for info in self.get_publishers_info_by_topic(
-            self.resolve_topic_name('current_command')))
-        for joint, rows in zip(self._joints, self._signals.take()):
-            watch = self._watches[joint]
-            if not self._busy:
-                watch.use(files.get(joint, self._files[joint]))
-            if compensated and len(rows):
-                # Use only rows with a measured load: it adds to the compensator's own current.
-                now, rows = rows[-1, 0], rows[np.isfinite(rows[:, 4])]
-                if len(rows):
-                    watch.last_load = rows[-1, 0]
-                watch.residual.blind = (
-                    'the compensator feeds the model itself forward, and the load of a person '
-                    'is not measured' if now - watch.last_load > _LOAD_SILENCE else '')
-            watch.add(rows)
-            self._judge(joint, watch)
-        for joint in list(self._to_unload):
-            await self._unload(joint)
+    def _use(self, files: dict[str, str]) -> None:
+        """Compare the motion of joints with the models of files, unless they are in use already."""
+        self._error = ''
+        for joint in set(files) & set(self._joints):
+            try:
+                if self._files[joint] != files[joint]:
+                    self._residuals[joint] = LiveResidual(
+                        FrictionModel.load(files[joint], joint), self._settings['tolerance'])
+                    self._files[joint] = files[joint]
+            except InputError as error:
+                # It may be on another machine.
+                self._error = str(error)
 
-    def _judge(self, joint: str, watch: JointWatch) -> None:
-        ended = watch.end_trial()
-        if ended is not None:
-            self._to_unload[joint] = watch.file, *ended
-        verdict = watch.residual.verdict()
-        if verdict.fits != self._fits[joint]:
-            self._fits[joint] = verdict.fits
-            log = self.get_logger().info if verdict.fits else self.get_logger().warning
-            log(f'{joint}: {verdict.text}')
-
-    async def _unload(self, joint: str) -> None:
-        """Replace a worse model by the previous one; if the compensator fails, do it next time."""
-        worse, previous, reason = self._to_unload[joint]
-        watch = self._watches[joint]
-        # Otherwise another one was loaded meanwhile.
-        if watch.file == worse:
-            await self._compensator.load(joint, previous)
-            watch.use(previous)
-            self._last_result = f'{joint}: {worse} was unloaded: {reason}'
-            self.get_logger().warning(self._last_result)
-        del self._to_unload[joint]
+    def _monitor(self) -> None:
+        compensated = time.monotonic() - self._active < _SILENCE
+        for joint, rows in zip(self._joints, self._rows.take()):
+            residual = self._residuals[joint]
+            if compensated:
+                # The compensator's own current says nothing without the load that it helps.
+                rows = rows[np.isfinite(rows[:, 4])]
+            residual.add(rows)
+            if compensated and not len(rows):
+                residual.blind = ('the compensator feeds the model itself forward, and the load of '
+                                  'a person is not measured')
+            verdict = residual.verdict()
+            if verdict.fits != self._fits[joint]:
+                self._fits[joint] = verdict.fits
+                log = self.get_logger().info if verdict.fits else self.get_logger().warning
+                log(f'{joint}: {verdict.text}')
 
     def _on_goal(self, request: RefineModel.Goal) -> GoalResponse:
-        self._last_refusal = ''
+        self._last_refusal = 'another goal is running' if self._busy else ''
         if request.joint and request.joint not in self._joints:
             self._last_refusal = (
                 f'unknown joint {request.joint!r}; known: {", ".join(self._joints)}')
-        elif self._busy:
-            self._last_refusal = 'another goal is running'
         if self._last_refusal:
             self.get_logger().warning(f'goal rejected: {self._last_refusal}')
             return GoalResponse.REJECT
@@ -201,11 +224,11 @@ class RefinementNode(Node):
         return GoalResponse.ACCEPT
 
     async def _execute(self, goal_handle: Any) -> RefineModel.Result:
-        result = RefineModel.Result()
+        result, end = RefineModel.Result(), goal_handle.abort
         request = goal_handle.request
         joint = request.joint or self._joints[0]
         try:
-            refined, start = await self._refine(joint, request, goal_handle)
+            refined = await self._refine(joint, request, goal_handle)
             report = refined.report
             result = RefineModel.Result(
                 success=True, verdict=report.verdict, error_before=report.before.held_out_rmse,
@@ -213,99 +236,112 @@ class RefinementNode(Node):
                 effects=[effect.name for effect in report.effects],
                 variables=[effect.variable for effect in report.effects],
                 model_file=str(refined.model_file), report=str(refined.page))
-            result.message = await self._load_if_requested(joint, request, refined, start, result)
-            goal_handle.succeed()
+            result.message = (
+                f'found {", ".join(result.effects) or "no effect"}; error '
+                f'{1e3 * result.error_before:.3g} mA before, {1e3 * result.error_after:.3g} mA '
+                f'after; verdict: {result.verdict}'
+                + ''.join(f'; {reason.rstrip(".")}' for reason in report.reasons))
+            if request.load:
+                result.message += await self._load(joint, refined, result)
+            end = goal_handle.succeed
         except InputError as error:
             result.message = str(error)
-            if goal_handle.is_cancel_requested:
-                goal_handle.canceled()
-            else:
-                goal_handle.abort()
+            end = goal_handle.canceled if goal_handle.is_cancel_requested else end
         except Exception:
             self.get_logger().error(traceback.format_exc())
             result.message = 'an error in the node, see its log'
-            goal_handle.abort()
         finally:
             self._job, self._busy = None, False
+        end()
         self._last_result = f'{joint}: {result.message}'
         self.get_logger().info(self._last_result)
         return result
 
-    async def _refine(self, joint: str, request: RefineModel.Goal, goal_handle: Any
-                      ) -> tuple[Refined, str]:
-        """Return the result of refinement and the initial model file."""
-        files = await self._compensator.files()
-        start = files.get(joint, self._files[joint])
+    async def _refine(self, joint: str, request: RefineModel.Goal, goal_handle: Any) -> Refined:
         output = Path(self._settings['output_folder']).absolute() / (
             f'{file_names([joint])[0]}_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}')
-        messages = []
+        recording = Path(request.recording or output / 'recording')
+        given = Given(joint, Path(self._files[joint]), layout=Layout(
+            units={'effort': 'A'} if self._in_ampere else {}))
         if not request.recording:
-            if blind := self._watches[joint].residual.blind:
+            if blind := self._residuals[joint].blind:
                 raise InputError(f'{joint}: the messages kept do not show the friction: {blind}')
-            messages = self._past.last(request.seconds)
-            if not messages:
-                raise InputError('no messages are kept')
-        job = self._job = RefineJob(
-            joint, start, output, request.recording, messages, self._in_ampere)
+            await self._write(recording, self._past.last(request.seconds), goal_handle)
+        job = self._job = RefinementProcess(given, recording, output)
         while not job.poll():
-            if goal_handle.is_cancel_requested:
-                job.cancel('cancelled on request')
-            share, step = job.progress
-            goal_handle.publish_feedback(RefineModel.Feedback(progress=share, step=step))
+            if self._ended(goal_handle):
+                job.cancel()
+                raise InputError(self._ended(goal_handle))
+            goal_handle.publish_feedback(RefineModel.Feedback(progress=job.share, step=job.step))
             end = time.monotonic() + _POLL_PERIOD
-            while time.monotonic() < end and not job.cancelled:
+            while time.monotonic() < end and not self._stopped:
                 # The executor does not sleep while a coroutine is pending.
                 time.sleep(self.batch_time)
                 await yield_to_executor()
-        return job.result(), start
+        return job.result()
 
-    async def _load_if_requested(self, joint: str, request: RefineModel.Goal, refined: Refined,
-                                 start: str, result: RefineModel.Result) -> str:
-        """Load the refined model if requested and allowed; return a message about it."""
-        watch = self._watches[joint]
-        watch.use(start)
-        found = ', '.join(result.effects) or 'no effect'
-        reasons = '; '.join(line.rstrip('.') for line in refined.report.reasons)
-        summary = (f'found {found}; error {1e3 * result.error_before:.3g} mA before, '
-                   f'{1e3 * result.error_after:.3g} mA after; verdict: {result.verdict}'
-                   f'{": " if reasons else ""}{reasons}')
-        if not request.load:
-            return summary
-        if refused := refusal(refined, watch.residual.model):
-            return f'{summary}; not loaded: {refused}'
-        try:
-            await self._compensator.load(joint, str(refined.model_file))
-        except InputError as error:
-            return f'{summary}; not loaded: {error}'
-        watch.start_trial(str(refined.model_file))
+    def _ended(self, goal_handle: Any) -> str:
+        return self._stopped or 'cancelled on request' * goal_handle.is_cancel_requested
+
+    async def _write(self, path: Path, messages: list[Message], goal_handle: Any) -> None:
+        """Write messages as a recording, while others go on to arrive."""
+        if not messages:
+            raise InputError('no messages are kept')
+        with RecordingWriter(path, {'recorded_by': 'friction_comp refinement'}) as writer:
+            for number, message in enumerate(messages):
+                writer.write(message.topic, message.type_name, message.stamp, message.cdr)
+                if number % _AT_ONCE == 0:
+                    await yield_to_executor()
+                    if why := self._ended(goal_handle):
+                        raise InputError(why)
+
+    async def _load(self, joint: str, refined: Refined, result: RefineModel.Result) -> str:
+        """Give the compensator the refined model if that may be; return what came of it."""
+        why = ''
+        if result.verdict == 'record again':
+            why = 'the data do not support it: record again'
+        elif not result.error_after < result.error_before:
+            why = 'it is not better than the initial model'
+        elif refined.model.drive != self._residuals[joint].model.drive:
+            why = "it has another drive's torque constant, gear ratio or current limit"
+        elif joint not in self._compensators:
+            why = f'no compensator of {joint} is running as {self._settings["compensator"]}'
+        if why:
+            return f'; not loaded: {why}'
+        files = {**self._compensators, joint: result.model_file}
+        future = self._set.call_async(SetParameters.Request(parameters=[
+            Parameter('model_files', value=list(files.values())).to_parameter_msg()]))
+        end = time.monotonic() + _TIMEOUT
+        while not future.done() and time.monotonic() < end:
+            await yield_to_executor()
+        answer = future.result().results[0] if future.done() else None
+        if answer is None or not answer.successful:
+            return f'; not loaded: {answer.reason if answer else "the compensator does not answer"}'
         result.loaded = True
-        return f'{summary}; loaded, and on trial beside {start}'
+        return '; loaded'
 
     def _report(self) -> tuple[Any, ...]:
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'kept [s]': self._past.span, 'kept [MB]': self._past.size / 1e6,
                   'last goal': self._last_result, 'last refusal': self._last_refusal}
         misfits = []
-        for joint, watch in self._watches.items():
-            verdict = watch.residual.verdict()
-            text = watch.residual.blind or verdict.text
+        for joint, residual in self._residuals.items():
+            verdict = residual.verdict()
+            text = residual.blind or verdict.text
             values.update({f'{joint}: residual': text,
                            f'{joint}: error as a share of the friction': float(verdict.share),
-                           f'{joint}: model file': watch.file,
-                           f'{joint}: on trial': watch.trial is not None})
-            if not verdict.fits and not watch.residual.blind:
+                           f'{joint}: model file': self._files[joint]})
+            if not verdict.fits and not residual.blind:
                 misfits.append(f'{joint}: {text}: refine it')
         if self._error:
             return ERROR, self._error, values
         if misfits:
             return WARN, '; '.join(misfits), values
         if self._job is not None:
-            return OK, f'refines: {self._job.progress[1]}', values
-        if not self._rate.count:
-            return WARN, 'no joint_states yet', values
-        return OK, 'watching', values
+            return OK, f'refines: {self._job.step}', values
+        return (OK, 'watching', values) if self._rate.count else (
+            WARN, 'no joint_states yet', values)
 
     def leave(self) -> None:
         """End a running refinement."""
-        if self._job is not None:
-            self._job.cancel('the node was stopped')
+        self._stopped = 'the node was stopped'
