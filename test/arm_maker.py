@@ -66,6 +66,11 @@ def random_link(rng, name):
 
 
 PLANE = ('turn', 'lift', 'bend')
+# Of the small arm's drives: A per N·m; offset, Coulomb, viscous and rotor, in A.
+SCALES = (0.4, 0.25, 0.5)
+FRICTION = ((0.02, 0.3, 0.2, 0.05), (-0.03, 0.4, 0.3, 0.04), (0.0, 0.2, 0.1, 0.02))
+# kg, where the small arm's URDF says 4, 3 and 2.
+MASSES = (5.0, 2.2, 2.6)
 
 
 def small_arm(masses=(4.0, 3.0, 2.0)):

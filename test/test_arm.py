@@ -4,7 +4,7 @@
 
 import sys
 
-from arm_maker import PLANE, random_urdf, recorded, small_arm, waves
+from arm_maker import FRICTION, MASSES, PLANE, random_urdf, recorded, SCALES, small_arm, waves
 import numpy as np
 import pytest
 
@@ -16,8 +16,12 @@ from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, Tree
 from friction_comp.samples import JointStates, Samples
 
-SCALES = (0.4, 0.25, 0.5)
-FRICTION = ((0.02, 0.3, 0.2, 0.05), (-0.03, 0.4, 0.3, 0.04), (0.0, 0.2, 0.1, 0.02))
+# One link, as a text in which single values are replaced.
+ONE_LINK = (
+    '<robot name="x"><link name="base"/><joint name="turn" type="continuous">'
+    '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint><link name="arm">'
+    '<inertial><origin xyz="0.1 0 0"/><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" '
+    'iyy="0.02" iyz="0" izz="0.02"/></inertial></link></robot>')
 
 
 @pytest.fixture
@@ -36,7 +40,7 @@ def chain_of(tmp_path, text, joints):
     return Chain(path, joints)
 
 
-@pytest.mark.parametrize('seed', range(6))
+@pytest.mark.parametrize('seed', range(4))
 def test_torques_are_those_of_pinocchio(pinocchio, tmp_path, seed):
     rng = np.random.default_rng(seed)
     text, names = random_urdf(rng, 2 + seed)
@@ -46,26 +50,17 @@ def test_torques_are_those_of_pinocchio(pinocchio, tmp_path, seed):
     data = model.createData()
     q, v, a = rng.normal(size=(3, 20, len(names)))
     own = chain.tree.torques(q, v, a)
-    inner = [model.getJointId(name) for name in chain.tree.joints]
+    joints = [model.joints[model.getJointId(name)] for name in chain.tree.joints]
     for n in range(len(q)):
         full, speed, rate = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
-        for k, number in enumerate(inner):
-            place = model.joints[number]
-            full[place.idx_q:place.idx_q + place.nq] = (
-                (np.cos(q[n, k]), np.sin(q[n, k])) if place.nq == 2 else q[n, k])
-            speed[place.idx_v], rate[place.idx_v] = v[n, k], a[n, k]
+        for k, joint in enumerate(joints):
+            full[joint.idx_q:joint.idx_q + joint.nq] = (
+                (np.cos(q[n, k]), np.sin(q[n, k])) if joint.nq == 2 else q[n, k])
+            speed[joint.idx_v], rate[joint.idx_v] = v[n, k], a[n, k]
         other = pinocchio.rnea(model, data, full, speed, rate)
-        for k, number in enumerate(inner):
-            assert own[n, k] == pytest.approx(other[model.joints[number].idx_v], abs=1e-9)
-
-
-def test_the_regressor_gives_the_same_torques(pinocchio, tmp_path):
-    rng = np.random.default_rng(7)
-    text, names = random_urdf(rng, 5)
-    chain = chain_of(tmp_path, text, names)
-    q, v, a = rng.normal(size=(3, 10, 5))
+        assert own[n] == pytest.approx([other[joint.idx_v] for joint in joints], abs=1e-9)
     torque = chain.regressor(q, v, a) @ chain.tree.parameters.ravel()
-    assert torque == pytest.approx(chain.tree.torques(q, v, a), abs=1e-9)
+    assert torque == pytest.approx(own, abs=1e-9)
 
 
 def test_a_hanging_rod_weighs_what_a_hanging_rod_weighs():
@@ -81,7 +76,6 @@ def test_a_hanging_rod_weighs_what_a_hanging_rod_weighs():
     (lambda d: d['links'][0].pop('axis'), 'axis is missing'),
     (lambda d: d['links'][1].update(parent='nobody'), 'arm: nobody is missing'),
     (lambda d: d['links'][0].update(axis=[0, 0, 2]), 'unit vectors'),
-    (lambda d: d['links'][0].update(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, 2]]), 'rotation'),
     # A reflection is orthonormal, too.
     (lambda d: d['links'][0].update(rotation=np.diag([1, 1, -1]).tolist()), 'rotation'),
     (lambda d: d['links'][0].update(inertial_parameters=[1.0]), 'arm'),
@@ -116,18 +110,16 @@ def test_any_coordinates_give_possible_bodies_and_zeros_give_the_prior():
     assert ahead - behind == pytest.approx(expected, rel=1e-4, abs=1e-14)
 
 
-def simulated(seed, size, masses=(5.0, 2.2, 2.6), **options):
+def simulated(seed, size, text=None, **options):
     rng = np.random.default_rng(seed)
     motion = waves(rng, size, 3, 0.01, **options)
-    return recorded(small_arm(masses), PLANE, motion, SCALES, FRICTION, rng), motion
+    return recorded(text or small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng), motion
 
 
 @pytest.mark.slow
 def test_links_of_a_small_arm_are_found_beside_friction(pinocchio, tmp_path):
-    joints, _ = simulated(1, 1200)
-    chain = chain_of(tmp_path, small_arm(), PLANE)
-    found = fit_arm(chain, joints)
-    # The truth from other files: only torques, not the parameters one by one, can be seen.
+    found = fit_arm(chain_of(tmp_path, small_arm(), PLANE), simulated(1, 1200)[0])
+    # Only torques, not the parameters one by one, can be seen.
     fresh, motion = simulated(2, 1200)
     torque = found.tree.torques(*motion)
     for k, own in enumerate(fresh):
@@ -142,57 +134,41 @@ def test_links_of_a_small_arm_are_found_beside_friction(pinocchio, tmp_path):
     assert found.friction[:, 1] == pytest.approx([one[1] for one in FRICTION], abs=0.03)
     assert (found.held_out < 0.05).all()
     assert (found.without > 2 * found.held_out)[1:].all()
-    # As many as the rank of the regressor for any motion at all.
-    assert found.identifiable == rank(chain)
-
-
-def rank(chain):
-    rng = np.random.default_rng(0)
-    q, v, a = rng.normal(size=(3, 300, 3))
-    return int(np.linalg.matrix_rank(chain.regressor(q, v, a).reshape(900, 30), tol=1e-8))
 
 
 def test_with_few_data_links_stay_possible_and_near_the_urdf(pinocchio, tmp_path):
-    joints, _ = simulated(3, 300, amplitude=0.1)
     chain = chain_of(tmp_path, small_arm(), PLANE)
-    found = fit_arm(chain, joints)
+    found = fit_arm(chain, simulated(3, 300, amplitude=0.1)[0])
     assert all(possible(row) for row in found.tree.parameters)
     assert (found.friction[:, 1:] >= 0.0).all()
     masses = found.tree.parameters[:, 0] / chain.tree.parameters[:, 0]
-    assert (masses > 0.4).all()
-    assert (masses < 2.5).all()
+    assert np.all((masses > 0.4) & (masses < 2.5))
 
 
 @pytest.mark.slow
 def test_with_declared_drives_the_intervals_contain_the_true_masses(pinocchio, tmp_path):
-    joints, _ = simulated(50, 800)
     chain = chain_of(tmp_path, small_arm(), PLANE)
-    fit = fit_arm(chain, joints, declared=np.array(SCALES))
+    fit = fit_arm(chain, simulated(50, 800)[0], declared=np.array(SCALES))
     assert fit.scales == pytest.approx(SCALES, rel=0.05)
-    true = chain_of(tmp_path, small_arm((5.0, 2.2, 2.6)), PLANE).tree
+    true = chain_of(tmp_path, small_arm(MASSES), PLANE).tree
     for q in ((0, 0, 0), (0.3, 0.5, -0.4)):
         assert fit.tree.weight(q) == pytest.approx(true.weight(q), rel=0.1, abs=0.3)
     found = fit.intervals
     # The first link turns about the vertical: nothing shows its mass, and all show what the last
     # one, whose weight is felt by two joints, weighs at its distance.
-    assert found.from_recording[0, 0] < 0.1
     assert not np.isfinite(found.parameters[0, 0]).any()
-    assert found.from_recording[2, 1] > 0.9
     low, high = found.parameters[2, 1]
     assert low - 0.01 <= true.parameters[2, 1] <= high + 0.01
     assert high - low < 0.2 * true.parameters[2, 1]
     assert found.scales[:, 0] == pytest.approx(SCALES, rel=0.05)
-    assert (found.scales[:, 1] > found.scales[:, 0]).all()
 
 
 @pytest.mark.slow
 def test_an_arm_mounted_on_a_wall_is_recognised(pinocchio, tmp_path):
-    mounted = small_arm((5.0, 2.2, 2.6)).replace('<robot name="small">', (
+    mounted = small_arm(MASSES).replace('<robot name="small">', (
         '<robot name="small"><link name="room"/><joint name="mount" type="fixed"><parent '
         f'link="room"/><child link="base"/><origin xyz="0 0 0" rpy="0 {np.pi / 2} 0"/></joint>'))
-    rng = np.random.default_rng(9)
-    joints = recorded(mounted, PLANE, waves(rng, 600, 3, 0.01), SCALES, FRICTION, rng)
-    found = fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
+    found = fit_arm(chain_of(tmp_path, small_arm(), PLANE), simulated(9, 600, mounted)[0])
     assert found.tree.gravity / 9.81 == pytest.approx((1, 0, 0), abs=1e-9)
     assert (found.held_out < 0.05).all()
 
@@ -208,53 +184,48 @@ def test_recordings_that_cannot_be_those_of_the_arm_are_refused(pinocchio, tmp_p
         fit_arm(chain_of(tmp_path, small_arm(), PLANE), [spoil(one) for one in joints])
 
 
-@pytest.mark.parametrize('recorded_name, described', [
-    ('elbow_joint', 'elbow_joint'), ('elbow', 'ur10e_elbow_joint'), ('left/joint1', 'joint_1'),
-    ('J1', 'j1'), ('gen3_joint_1', 'Joint1')])
-def test_names_that_differ_only_by_convention_are_matched(recorded_name, described):
-    others = ['wrist_1_joint', 'wrist_2_joint']
-    pairs, unknown = match_names([recorded_name], [described, 'shoulder', *others], 'arm.urdf')
-    assert pairs == {recorded_name: described}
-    assert not unknown
+MANY = [f'joint_{number}' for number in range(1, 12)]
 
 
-def test_a_name_that_only_resembles_a_joint_does_not_take_it():
-    arm = ['joint1', 'joint2']
-    # Names without Latin letters are no exception.
-    for other in ('finger_joint1', 'κλειδί', '~'):
-        for names in ([other, *arm], [*arm, other]):
-            pairs, unknown = match_names(names, arm, 'arm.urdf')
-            assert list(pairs) == list(pairs.values()) == arm
-            assert unknown == [other]
+@pytest.mark.parametrize('recorded, described, expected', [
+    (['elbow_joint'], ['elbow_joint', 'wrist_joint'], ['elbow_joint']),
+    (['elbow'], ['ur10e_elbow_joint', 'wrist_1_joint'], ['ur10e_elbow_joint']),
+    (['left/joint1'], ['joint_1', 'joint_2'], ['joint_1']),
+    (['gen3_joint_1'], ['Joint1', 'Joint2'], ['Joint1']),
     # Of eleven joints the last also ends in 1.
-    many = [f'joint_{number}' for number in range(1, 12)]
-    pairs, _ = match_names([f'arm_{number}' for number in range(1, 12)], many, 'arm.urdf')
-    assert list(pairs.values()) == many
-    for names in (['left_joint1', 'right_joint1'], ['Joint1', 'JOINT1']):
-        with pytest.raises(InputError, match='matches several'):
-            match_names(names, arm, 'arm.urdf')
+    ([f'arm_{number}' for number in range(1, 12)], MANY, MANY),
+    # What only resembles a joint does not take it, in whichever order.
+    (['finger_joint1', 'joint1', 'joint2'], ['joint1', 'joint2'], [None, 'joint1', 'joint2']),
+    (['joint1', 'joint2', 'κλειδί'], ['joint1', 'joint2'], ['joint1', 'joint2', None])])
+def test_names_that_differ_only_by_convention_are_matched(recorded, described, expected):
+    pairs, unknown = match_names(recorded, described, 'arm.urdf')
+    assert [pairs.get(name) for name in recorded] == expected
+    assert unknown == [name for name, found in zip(recorded, expected) if found is None]
 
 
-def test_the_urdf_of_another_robot_is_refused(pinocchio, tmp_path):
-    with pytest.raises(InputError, match=r"arm\.urdf: joint 'wrist' .* is not in") as caught:
-        chain_of(tmp_path, small_arm(), ('turn', 'wrist'))
+@pytest.mark.parametrize('names', [['left_joint1', 'right_joint1'], ['Joint1', 'JOINT1']])
+def test_a_name_of_several_joints_is_refused(names):
+    with pytest.raises(InputError, match='matches several'):
+        match_names(names, ['joint1', 'joint2'], 'arm.urdf')
+
+
+@pytest.mark.parametrize('text, words', [
+    (ONE_LINK.replace('"turn"', '"roll"'), "joint 'turn' .* is not in"),
+    (ONE_LINK.replace('value="2"', 'value="-2"'), "link 'arm': a mass of -2 kg"),
+    (ONE_LINK.replace('value="2"', 'value="nan"'), "link 'arm': mass value of nan"),
+    (ONE_LINK.replace('value="2"', 'value="1e300"'), "link 'arm': mass value of 1e300"),
+    (ONE_LINK.replace('value="2"', 'value="two"'), "link 'arm': mass value of two"),
+    (ONE_LINK.replace('ixx="0.02"', 'ixx="-5"'), "link 'arm': an inertia that is negative"),
+    ('', 'not a usable XML file'), ('<robot name="x">', 'not a usable XML file'),
+    ('<sdf/>', 'not a URDF'),
+    ('<robot name="x"><link name="base"/></robot>', 'no joint that moves'),
+    ('<robot xmlns:xacro="x"><xacro:arm/></robot>', 'xacro')])
+def test_files_that_describe_no_such_arm_give_one_line(pinocchio, tmp_path, text, words):
+    assert chain_of(tmp_path, ONE_LINK, ['turn']).tree.parameters[0, 0] == 2.0
+    with pytest.raises(InputError, match=words) as caught:
+        chain_of(tmp_path, text, ['turn'])
+    assert 'arm.urdf' in str(caught.value)
     assert '\n' not in str(caught.value)
-
-
-@pytest.mark.parametrize(('was', 'becomes', 'words'), [
-    ('mass value="2"', 'mass value="-2"', 'a mass of -2 kg'),
-    ('mass value="2"', 'mass value="nan"', 'mass value of nan'),
-    ('mass value="2"', 'mass value="1e300"', 'mass value of 1e300'),
-    ('mass value="2"', 'mass value="two"', 'mass value of two'),
-    ('ixx="0.02"', 'ixx="-5"', 'an inertia that is negative')])
-def test_a_mass_or_inertia_that_no_link_has_is_refused(pinocchio, tmp_path, was, becomes, words):
-    text = ('<robot name="x"><link name="base"/><joint name="turn" type="continuous">'
-            '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint><link name="arm">'
-            '<inertial><origin xyz="0.1 0 0"/><mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" '
-            'iyy="0.02" iyz="0" izz="0.02"/></inertial></link></robot>')
-    assert chain_of(tmp_path, text, ['turn']).tree.parameters[0, 0] == 2.0
-    with pytest.raises(InputError, match=f"link 'arm': {words}"):
-        chain_of(tmp_path, text.replace(was, becomes), ['turn'])
 
 
 def test_joints_that_are_not_recorded_are_locked(pinocchio, tmp_path):
@@ -266,26 +237,10 @@ def test_joints_that_are_not_recorded_are_locked(pinocchio, tmp_path):
     assert chain.tree.weight([0.2, 0.3]) == pytest.approx(whole[:2])
 
 
-@pytest.mark.parametrize('text, words', [
-    ('', 'not a usable XML file'), ('<robot name="x">', 'not a usable XML file'),
-    ('<sdf/>', 'not a URDF'),
-    ('<robot name="x"><link name="base"/></robot>', 'no joint that moves'),
-    ('<robot xmlns:xacro="x"><xacro:arm/></robot>', 'xacro')])
-def test_files_that_are_no_urdf_give_one_line(pinocchio, tmp_path, text, words):
-    with pytest.raises(InputError, match=words) as caught:
-        chain_of(tmp_path, text, PLANE)
-    assert '\n' not in str(caught.value)
-    assert 'arm.urdf' in str(caught.value)
-
-
 def test_without_pinocchio_the_error_says_how_to_get_it(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, 'pinocchio', None)
-    with pytest.raises(InputError, match=r'friction_comp\[arm\]') as caught:
+    with pytest.raises(InputError, match=r'friction_comp\[arm\]'):
         Chain(tmp_path / 'arm.urdf', PLANE)
-    assert '\n' not in str(caught.value)
-
-
-# Without a URDF.
 
 
 def test_motion_of_all_joints_is_differentiated_alike():

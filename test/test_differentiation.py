@@ -24,27 +24,18 @@ def moved(time):
 
 
 @pytest.mark.parametrize('late', [True, False])
-@pytest.mark.parametrize('jitter', [0.05, 0.3])
-def test_uneven_stamps_do_not_blur_the_motion(late, jitter):
+@pytest.mark.parametrize(('jitter', 'lost'), [(0.05, []), (0.3, []), (0.0, [700, 701, 1100])])
+def test_uneven_stamps_and_lost_samples_do_not_blur_the_motion(late, jitter, lost):
     """Whether the samples came unevenly, or only their stamps did."""
     rng = np.random.default_rng(3)
-    even = np.arange(4000) * 1e-3
+    even = np.delete(np.arange(4000) * 1e-3, lost)
     stamps = even + jitter * 1e-3 * rng.uniform(-1.0, 1.0, len(even))
     position, velocity, acceleration = moved(even if late else stamps)
     found = differentiate(Samples(time=stamps, position=position, current=0 * even), SETTINGS)
     inner = slice(200, -200)
     assert np.max(np.abs(found.velocity - velocity)[inner]) < 0.01 * np.ptp(velocity)
     assert np.max(np.abs(found.acceleration - acceleration)[inner]) < (
-        0.03 if late else 0.03 + 0.25 * jitter) * np.ptp(acceleration)
-
-
-def test_a_lost_sample_shows_neither_in_velocity_nor_in_acceleration():
-    time = np.delete(np.arange(2000) * 1e-3, [700, 701, 1100])
-    position, velocity, acceleration = moved(time)
-    found = differentiate(Samples(time=time, position=position, current=0 * time), SETTINGS)
-    inner = slice(200, -200)
-    assert np.max(np.abs(found.velocity - velocity)[inner]) < 0.01 * np.ptp(velocity)
-    assert np.max(np.abs(found.acceleration - acceleration)[inner]) < 0.05 * np.ptp(acceleration)
+        0.05 if lost else 0.03 if late else 0.03 + 0.25 * jitter) * np.ptp(acceleration)
 
 
 def test_samples_that_arrive_together_are_no_burst_of_acceleration():

@@ -1,29 +1,34 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The evaluation of trials with known torques returns these torques."""
+"""The evaluation of trials with known torques returns these torques, condition by condition."""
 
-import html
+from dataclasses import replace
+from datetime import datetime
+import json
+import time
 
+from helpers import note_model
 import numpy as np
 import pytest
+from recording_maker import record_with_diagnostics, STORE
 
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
-from friction_comp.evaluation.conditions import evaluate
+from friction_comp.evaluation.conditions import evaluate, evaluate_recordings
 from friction_comp.evaluation.movements import find_movements
 from friction_comp.evaluation.repetitions import Compensation
-from friction_comp.recordings import RecordingInfo, write_samples
+from friction_comp.model.model_file import write_arm
+from friction_comp.recordings import read_recording_with_info, RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
-from friction_comp.reports.evaluation_words import measure_text
+from friction_comp.reports.evaluation_words import measure_text, remarks, verdict
 from friction_comp.samples import Samples
 
 REST, RAMP, CRUISE, SPEED = 2.0, 0.5, 1.5, 0.4
 MOVE = 2 * RAMP + CRUISE
 PERIOD = REST + MOVE
-STEP = 2e-3
 
 
-def trial(peaks, push=0.2, directions=None, seed=0, noise=0.0, step=STEP):
+def trial(peaks, push=0.2, directions=None, step=2e-3):
     """Make a trial with one entry of peaks a movement; even ones are positive.
 
     The torque is a bump of the peak's height 0.2 s after the movement begins, and `push` along the
@@ -42,15 +47,37 @@ def trial(peaks, push=0.2, directions=None, seed=0, noise=0.0, step=STEP):
         if directions is not None:
             direction[(since > -0.5) & (since < RAMP + CRUISE)] = directions[k]
     position = np.cumsum(velocity) * step
-    load = load + noise * np.random.default_rng(seed).normal(size=len(time))
     return Samples(
-        time=time, position=position,
-        current=np.zeros_like(time), load=load, direction=direction,
+        time=time, position=position, current=np.zeros_like(time), load=load, direction=direction,
         reference_position=position, reference_velocity=velocity, joint='elbow')
+
+
+def both(heights, seed=0):
+    """Make a trial at 50 Hz whose announced movements' peaks differ a little."""
+    random = np.random.default_rng(seed)
+    peaks = [height * (1.0 + 0.05 * random.normal()) for height in heights]
+    return trial(peaks, directions=[1, -1] * (len(heights) // 2), step=2e-2)
+
+
+def info_of(*activity):
+    """Return the information of a recording: since when, law, model, and settings if any."""
+    return RecordingInfo('trial', 'elbow', start=1.0, activity=[
+        (since, Activity(0, 'active', law, name, settings=', '.join(settings)))
+        for since, law, name, *settings in activity])
+
+
+LAW, KINETIC = (info_of((0.0, law, 'a.yaml')) for law in ('continuous', 'kinetic'))
 
 
 def by_key(evaluation):
     return {(c.direction, c.movement): c for c in evaluation.conditions}
+
+
+def laws(evaluation):
+    return {c.compensation.law for c in evaluation.conditions}
+
+
+# Movements and their figures.
 
 
 def test_movements_are_found_where_they_were_made():
@@ -65,61 +92,38 @@ def test_movements_are_found_where_they_were_made():
         assert movement.constant_begin == pytest.approx(begin + RAMP, abs=0.05)
         assert movement.constant_end == pytest.approx(begin + RAMP + CRUISE, abs=0.05)
         assert movement.travel == pytest.approx(SPEED * (RAMP + CRUISE), rel=0.02)
-    # Without a reference the motion itself tells, a little less sharply.
-    bare = find_movements(samples.with_(reference_position=None, reference_velocity=None))
-    assert [m.sign for m in bare] == [1, -1, 1, -1]
-    assert bare[2].begin == pytest.approx(2 * PERIOD + REST, abs=0.12)
-    # A reference without velocity gives the same result.
-    shown = find_movements(samples.with_(reference_velocity=None))
-    assert shown[1].begin == pytest.approx(PERIOD + REST, abs=0.01)
+    # Without a reference the motion itself tells, also behind minutes of rest.
+    rest = np.arange(1, 700_000) * 2e-3
+    before = samples.take(np.zeros(len(rest), dtype=int)).with_(time=rest)
+    late = Samples.concatenate([before, samples.with_(time=samples.time + rest[-1] + 2e-3)])
+    late = late.with_(recording=np.zeros(len(late), dtype=int))
+    for one in (late, late.with_(reference_position=None, reference_velocity=None)):
+        assert [m.begin - rest[-1] for m in find_movements(one)] == pytest.approx(
+            [REST + k * PERIOD for k in range(4)], abs=0.12)
 
 
 def test_figures_of_each_condition():
-    plain = trial([1.2] * 6)
-    assisted = trial([0.4] * 6, directions=[1, -1] * 3)
-    evaluation = evaluate([plain, assisted])
+    evaluation = evaluate([trial([1.2] * 6), trial([0.3, 0.4, 0.5] * 2, directions=[1, -1] * 3)])
     conditions = by_key(evaluation)
     assert set(conditions) == {(0, 'positive'), (0, 'negative'), (1, 'positive'), (-1, 'negative')}
     for condition in conditions.values():
-        expected = 1.2 if condition.direction == 0 else 0.4
+        expected, spread = (1.2, 0.0) if condition.direction == 0 else (0.4, 0.1)
         assert condition.repetitions == 3
         assert condition.peak_torque == pytest.approx(expected, rel=1e-3)
-        assert condition.peak_torque_std == pytest.approx(0.0, abs=1e-3)
+        assert condition.peak_torque_std == pytest.approx(spread, abs=1e-3)
         assert condition.peak_time == pytest.approx(0.2, abs=0.01)
         assert condition.mean_torque_constant_velocity == pytest.approx(0.2, rel=0.05)
         square = expected ** 2 * 0.05 * np.sqrt(np.pi / 2) + 0.2 ** 2 * CRUISE
         assert condition.rms_torque == pytest.approx(np.sqrt(square / MOVE), rel=0.02)
         assert condition.false_starts == 0
+        at = np.argmin(abs(condition.time - 0.2))
+        assert condition.torque_std[at] == pytest.approx(spread, abs=3e-3)
     assert evaluation.reduction('peak_torque') == pytest.approx(1 - 0.4 / 1.2, rel=1e-3)
     assert 0.0 < evaluation.reduction('rms_torque') < evaluation.reduction('peak_torque')
-
-
-def test_averages_and_deviations_over_repetitions():
-    peaks = [1.0, 5.0, 1.2, 5.0, 1.4, 5.0]
-    condition = by_key(evaluate([trial(peaks)]))[0, 'positive']
-    assert condition.peak_torque == pytest.approx(1.2, rel=1e-3)
-    assert condition.peak_torque_std == pytest.approx(np.std([1.0, 1.2, 1.4], ddof=1), rel=1e-2)
-    at = np.argmin(abs(condition.time - 0.2))
-    assert condition.torque_std[at] == pytest.approx(0.2, rel=0.03)
-    # Averaging reduces noise, but not in the peaks of single repetitions.
-    noisy = by_key(evaluate([trial([1.0, 1.0] * 10, noise=0.05)]))[0, 'positive']
-    assert noisy.peak_torque == pytest.approx(1.0, abs=0.06)
-
-
-def test_conditions_of_several_recordings_are_merged():
-    evaluation = evaluate([trial([1.0] * 4), trial([2.0] * 2), trial([0.5] * 2,
-                                                                      directions=[1, -1])])
-    conditions = by_key(evaluation)
-    assert conditions[0, 'positive'].repetitions == 3
-    assert conditions[0, 'positive'].peak_torque == pytest.approx(4 / 3, rel=1e-3)
-    assert evaluation.reduction('peak_torque') == pytest.approx(1 - 0.5 * 3 / 4, rel=1e-3)
-
-
-def test_direction_against_the_movement_is_not_compared():
-    evaluation = evaluate([trial([1.0] * 2), trial([3.0] * 2, directions=[-1, 1])])
-    assert by_key(evaluation)[-1, 'positive'].peak_torque == pytest.approx(3.0, rel=1e-3)
-    assert evaluation.reduction('peak_torque') is None
-    assert evaluation.reduction('rms_torque') is None
+    # A direction against the movement is a condition, and compared with none.
+    against = evaluate([trial([1.0] * 2), trial([3.0] * 2, directions=[-1, 1])])
+    assert by_key(against)[-1, 'positive'].peak_torque == pytest.approx(3.0, rel=1e-3)
+    assert against.reduction('peak_torque') is None
 
 
 def test_a_joint_that_starts_by_itself_is_seen():
@@ -137,64 +141,41 @@ def test_a_joint_that_starts_by_itself_is_seen():
     load[ahead | ((samples.time > begin - 0.5) & (samples.time < begin))] += 0.5
     conditions = by_key(evaluate([samples.with_(position=position, load=load)]))
     assert conditions[1, 'positive'].false_starts == 0
-
-
-def test_a_joint_that_finds_no_rest_is_mentioned():
-    samples = trial([1.0] * 4)
+    # Nor is one that never rests.
     shaking = samples.position + 0.01 * np.sin(2 * np.pi * 5.0 * samples.time)
     evaluation = evaluate([samples.with_(position=shaking)])
     assert any('did not come to rest' in note for note in evaluation.notes)
     assert sum(c.false_starts for c in evaluation.conditions) == 0
-    assert not any('rest' in note for note in evaluate([samples]).notes)
 
 
-def test_movements_between_long_rests_are_found():
-    """A robot that is adjusted to a patient rests for minutes."""
-    samples = trial([1.0] * 4)
-    rest = np.arange(1, 700_000) * STEP
-    before = samples.take(np.zeros(len(rest), dtype=int)).with_(time=rest)
-    long = Samples.concatenate([before, samples.with_(time=samples.time + rest[-1] + STEP)])
-    long = long.with_(recording=np.zeros(len(long), dtype=int))
-    for one in (long, long.with_(reference_position=None, reference_velocity=None)):
-        movements = find_movements(one)
-        assert [m.begin - rest[-1] for m in movements] == pytest.approx(
-            [REST + k * PERIOD for k in range(4)], abs=0.1)
+def test_what_was_not_recorded_is_not_invented():
+    """A peak within a hole of the torque is not known, nor a movement in a gap of the motion."""
+    samples = trial([1.0] * 6, step=2e-2)
+    since = samples.time - 2 * PERIOD - REST
+    found = by_key(evaluate([samples.with_(load=np.where(abs(since - 0.2) < 0.3, np.nan,
+                                                         samples.load))]))[0, 'positive']
+    assert found.repetitions == 3
+    assert {found.figures[name].count for name in ('peak_torque', 'rms_torque')} == {2}
+    assert found.peak_torque == pytest.approx(1.0, abs=0.1)
+    none = by_key(evaluate([samples.with_(load=np.where(samples.position < 0, 1.0, np.nan))]))
+    assert not {'peak_torque', 'peak_time'} & set(none[0, 'positive'].figures)
+    for begin, end in ((0.0, 0.5), (1.0, 1.3), (2.3, 3.5)):
+        gap = evaluate([samples.take((since < begin) | (since > end))])
+        assert sum(c.repetitions for c in gap.conditions) == 5
+    cut = evaluate([samples.take(since < 3 * PERIOD + 1.0)])
+    assert sorted(c.repetitions for c in cut.conditions) == [2, 3]
 
 
-def test_a_movement_without_measured_torque_has_no_peak():
+@pytest.mark.parametrize('change', [
+    {'position': np.zeros}, {'reference_velocity': np.zeros},
+    # An oscillation by one count is no movement.
+    {'position': lambda count: 1e-3 * (np.arange(count) // 300 % 2)}])
+def test_a_recording_without_movements_is_refused(change):
     samples = trial([1.0] * 2)
-    load = np.where(samples.time > PERIOD, np.nan, samples.load)
-    found = by_key(evaluate([samples.with_(load=load)]))
-    assert found[0, 'positive'].figures['peak_torque'].mean == pytest.approx(1.0, rel=1e-2)
-    assert not {'peak_torque', 'peak_time'} & set(found[0, 'negative'].figures)
-
-
-def test_incomplete_and_odd_repetitions_are_left_out():
-    samples = trial([1.0] * 6)
-    cut = samples.take(slice(0, round((5 * PERIOD + REST + 1.0) / STEP)))
-    evaluation = evaluate([cut])
-    assert {key: c.repetitions for key, c in by_key(evaluation).items()} == {
-        (0, 'positive'): 3, (0, 'negative'): 2}
-    assert any('cut off' in note for note in evaluation.notes)
-
-
-def test_recordings_without_what_is_needed():
-    samples = trial([1.0] * 2)
-    still = samples.with_(reference_velocity=None, reference_position=None,
-                          position=np.zeros(len(samples)))
+    if 'position' in change:
+        samples = samples.with_(reference_velocity=None, reference_position=None)
     with pytest.raises(InputError, match='no movement'):
-        evaluate([still])
-    # An oscillation by one count is not a movement, nor is that of another joint's reference.
-    dither = still.with_(position=1e-3 * (np.arange(len(samples)) // 300 % 2))
-    with pytest.raises(InputError, match='no movement'):
-        evaluate([dither])
-    with pytest.raises(InputError, match='no movement'):
-        evaluate([samples.with_(reference_velocity=np.zeros(len(samples)))])
-    with pytest.raises(InputError, match='no recording'):
-        evaluate([])
-    evaluation = evaluate([samples.with_(direction=None)])
-    assert {c.direction for c in evaluation.conditions} == {0}
-    assert any('d = 0 is assumed' in note for note in evaluation.notes)
+        evaluate([samples.with_(**{name: make(len(samples)) for name, make in change.items()})])
 
 
 def stuck_trial(set_out=None):
@@ -226,32 +207,229 @@ def test_torque_left_from_the_previous_movement_is_not_a_peak():
         # The negative movement begins with 1.3 N·m left over and lowers this to zero.
         expected = 1.3 if condition.movement == 'positive' else 0.0
         assert condition.peak_torque == pytest.approx(expected, abs=0.01)
-
-
-def test_the_peak_of_a_joint_that_starts_late_includes_the_torque_before_it():
-    evaluation = evaluate([stuck_trial(set_out=MOVE + 0.6)])
-    for condition, repetition in zip(evaluation.conditions, evaluation.repetitions):
+    assert '>\u00a0' in measure_text(condition, 'peak_torque')
+    # The peak of a joint that starts late includes the torque before it.
+    late = evaluate([stuck_trial(set_out=MOVE + 0.6)])
+    for condition, repetition in zip(late.conditions, late.repetitions):
         assert condition.stuck == 0
         assert condition.peak_torque == pytest.approx(1.7, abs=0.03)
         assert condition.peak_time == pytest.approx(MOVE + 0.6, abs=0.02)
         assert repetition.figures['onset'] == pytest.approx(MOVE + 0.6, abs=0.05)
 
 
-def test_a_lower_bound_is_marked_and_no_compensation_is_one_condition(tmp_path, capsys):
-    moved = trial([1.6, 1.6]).with_(command=np.zeros(round((2 * PERIOD + REST) / STEP)))
-    both = Samples.concatenate([moved, stuck_trial().with_(
-        time=stuck_trial().time + moved.time[-1] + STEP)])
-    about = RecordingInfo('trial', 'elbow', activity=[
-        (0.0, Activity(0, 'active', 'none', 'elbow.yaml'))])
-    evaluation = evaluate([both.with_(recording=0 * both.recording)], about=[about])
-    assert {c.compensation for c in evaluation.conditions} == {Compensation('none', '', 0)}
-    report = evaluation.as_dict()
-    assert [c['stuck'] for c in report['conditions']] == [1, 1]
-    assert '>\u00a0' in measure_text(evaluation.conditions[0], 'peak_torque')
-    write_samples(tmp_path / 'r', stuck_trial())
-    assert run('evaluate', [str(tmp_path / 'r'), '--output', str(tmp_path / 'out')]) == 0
-    out = capsys.readouterr().out
-    assert 'the joint did not move in 2 of 2' in out
-    assert '>\u00a0' in out
-    page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
-    assert '>\u00a01.30' in html.unescape(page)
+def test_without_a_torque_sensor_motion_and_current_still_speak():
+    # The joint follows the reference, announced 0.5 s ahead, by a tenth of a second.
+    samples = trial([1.0] * 8, directions=[1, -1] * 4)
+    late = np.interp(samples.time - 0.1, samples.time, samples.position)
+    evaluation = evaluate([samples.with_(load=None, position=late)])
+    assert not evaluation.measured
+    for condition in evaluation.conditions:
+        assert 'peak_torque' not in condition.figures
+        # It counts as started after a hundredth of the distance.
+        assert condition.figures['onset'].mean == pytest.approx(0.25, abs=0.06)
+
+
+def test_a_torque_of_the_wrong_sign_is_noted():
+    samples = trial([1.0] * 8, step=2e-2)
+    still = samples.with_(command=np.zeros(len(samples)))
+    for sign, offset, noted in ((1, 0.0, False), (-1, 0.0, True), (1, 0.6, False), (-1, 0.6, True)):
+        evaluation = evaluate([still.with_(load=sign * still.load + offset)])
+        assert noted == any('interaction_wrench may be wrong' in note for note in evaluation.notes)
+
+
+# Conditions: who compensated, and how.
+
+
+def test_laws_models_and_settings_are_never_averaged():
+    about = [info_of((0.0, 'paper', 'a.yaml')), info_of((0.0, 'continuous', 'a.yaml')),
+             info_of((0.0, 'continuous', 'b.yaml')),
+             info_of((0.0, 'continuous', 'a.yaml', 'breakaway_gain 0.5'))]
+    evaluation = evaluate([both([peak] * 6, seed) for seed, peak in enumerate(
+        (1.0, 0.5, 0.3, 0.7))], about=about)
+    found = {evaluation.label(c.compensation): round(c.peak_torque, 1)
+             for c in evaluation.conditions if c.movement == 'positive'}
+    plain, *others = (f'd = ±1 · {law}' for law in (
+        'continuous · a.yaml', 'continuous, breakaway_gain 0.5 · a.yaml', 'continuous · b.yaml',
+        'paper · a.yaml'))
+    assert found == {plain: 0.5, **dict(zip(others, (0.7, 0.3, 1.0)))}
+    # Without a condition d = 0 there is no statement about an improvement over it.
+    assert evaluation.reduction('peak_torque') is None
+    # One difference at a time: another model, law or setting, and never two of them.
+    differences = {(c.first.label, c.second.label): c.pairs
+                   for c in evaluation.comparisons if c.figure == 'peak_torque'}
+    assert differences == dict.fromkeys(((plain, other) for other in others), 6)
+
+
+def test_what_changes_within_a_recording_is_told_apart():
+    samples = both([1.0] * 4 + [0.4] * 4)
+    change = 4 * PERIOD + 0.5 * REST
+    about = info_of((0.0, 'paper', 'a.yaml'), (change, 'continuous', 'a.yaml'))
+    conditions = evaluate([samples], about=[about]).conditions
+    assert {(c.compensation.law, c.movement, c.repetitions) for c in conditions} == {
+        (law, way, 2) for law in ('paper', 'continuous') for way in ('positive', 'negative')}
+    # A command of zero counts as no compensation, whatever was active.
+    off = samples.with_(command=np.where(samples.time < change, 0.0, 0.1))
+    assert laws(evaluate([off], about=[about])) == {'none', 'continuous'}
+    # A command while the compensator was inactive came from another node.
+    other = RecordingInfo('trial', 'elbow', activity=[(0.0, Activity(0, 'inactive', '', ''))])
+    assert laws(evaluate([samples.with_(command=np.ones(len(samples)))], about=[other])) == {
+        'other'}
+
+
+@pytest.mark.parametrize('reference', [True, False])
+@pytest.mark.parametrize(('after', 'before', 'counted'), [
+    # s after the beginning of the fourth of six movements.
+    (-0.8, 'paper', 6), (0.1, 'paper', 5), (2.3, 'paper', 5), (3.0, 'paper', 6),
+    (1.0, 'continuous', 6)])
+def test_a_movement_during_which_the_law_changed_counts_for_none(after, before, counted, reference):
+    samples = both([1.0] * 3 + [0.4] * 3)
+    if not reference:
+        samples = samples.with_(reference_position=None, reference_velocity=None)
+    evaluation = evaluate([samples], about=[info_of(
+        (0.0, before, 'a.yaml'), (3 * PERIOD + REST + after, 'continuous', 'a.yaml'))])
+    assert sum(c.repetitions for c in evaluation.conditions) == counted
+    assert len(evaluation.repetitions) == counted
+
+
+def test_only_a_change_that_matters_is_one():
+    """Not another joint's model, nor what a compensator that does nothing has loaded."""
+    samples = both([1.0] * 4)
+
+    def found(*reports, **changes):
+        about = RecordingInfo('trial', 'elbow', activity=[
+            (since, Activity(0, *report).of('elbow')) for since, report in zip(
+                (0.0, PERIOD + REST + 1.0), reports)])
+        return sorted(r.compensation.law for r in evaluate(
+            [samples.with_(**changes)], about=[about]).repetitions)
+
+    files = 'shoulder, elbow'
+    assert found(('active', 'paper', 'a.yaml, b.yaml', files),
+                 ('active', 'paper', 'c.yaml, b.yaml', files)) == ['paper'] * 4
+    assert found(('unconfigured', 'paper', ''), ('inactive', 'continuous', 'a.yaml')) == [
+        'none'] * 4
+    # Starting or stopping on the way is one, unless all commands were zero.
+    started = ('inactive', 'paper', 'a.yaml'), ('active', 'paper', 'a.yaml')
+    assert found(*started) == ['none', 'paper', 'paper']
+    assert found(*started, command=np.zeros(len(samples))) == ['none'] * 4
+
+
+def test_a_compensator_that_fell_silent_compensates_nothing(tmp_path):
+    """Its last report says active, and its last command is a current."""
+    samples = both([1.0] * 10)
+    time, command = samples.time, np.ones(len(samples))
+    # From within the third movement until after the sixth; shorter than a driver's timeout; to the
+    # end, though the joint does not start again.
+    begin, rest = 2 * PERIOD + REST + 1.0, 8 * PERIOD + 0.5
+    command[((time > begin) & (time < 6 * PERIOD + 0.5)) | (time > rest)] = np.nan
+    short = 6 * PERIOD + REST + 1.0
+    command[(time > short) & (time < short + 0.05)] = np.nan
+    position = samples.position.copy()
+    position[time > rest] = position[time > rest][0]
+    record_with_diagnostics(tmp_path / 'r', samples.with_(position=position, command=command), [
+        (0, ('continuous', 'a.yaml'))])
+    evaluation, = evaluate_recordings([tmp_path / 'r'])
+    assert [r.compensation.law for r in sorted(
+        evaluation.repetitions, key=lambda r: r.begin)] == (
+        ['continuous'] * 2 + ['none'] * 3 + ['continuous'] * 2 + ['none'] * 2)
+
+
+def phase(message):
+    """Make of a compensator's word one of identification that moves the joint."""
+    status = message.status[0]
+    status.name, status.message = 'arm/identification: identification', 'identifies elbow'
+    status.values = [STORE.types['diagnostic_msgs/msg/KeyValue']('phase', 'velocities')]
+
+
+@pytest.mark.parametrize(('since', 'change', 'from_start'), [
+    (3, lambda message: None, True), (12, lambda message: None, False), (3, phase, False)])
+def test_a_compensators_first_report_also_applies_to_the_time_just_before(
+        tmp_path, since, change, from_start):
+    record_with_diagnostics(
+        tmp_path / 'r', both([1.0] * 4), [(since, ('continuous', 'a.yaml'))], change)
+    (_, info), = read_recording_with_info([tmp_path / 'r'], 'elbow')
+    assert info.activity[0][0] == pytest.approx(0.0 if from_start else since, abs=0.1)
+
+
+def test_what_identification_moved_is_left_out(tmp_path):
+    record_with_diagnostics(tmp_path / 'moved', both([1.0] * 4), [(0, ('', ''))], phase)
+    write_samples(tmp_path / 'pushed', both([0.4] * 4))
+    evaluation, = evaluate_recordings([tmp_path / 'moved', tmp_path / 'pushed'])
+    assert laws(evaluation) == {''}
+    assert sum(c.repetitions for c in evaluation.conditions) == 4
+    alone, = evaluate_recordings([tmp_path / 'moved'])
+    assert laws(alone) == {'identification'}
+
+
+def test_an_afternoon_is_one_day_in_the_laboratory_whatever_its_date_in_greenwich(monkeypatch):
+    monkeypatch.setenv('TZ', 'America/Los_Angeles')
+    time.tzset()
+    # 15:50 and 16:10 there, around midnight in Greenwich.
+    about = [replace(LAW, start=datetime.fromisoformat(f'2026-03-02T{at}-08:00').timestamp())
+             for at in ('15:50', '16:10')]
+    evaluation = evaluate([both([1.0] * 4), both([1.0] * 4, 1)], about=about)
+    monkeypatch.undo()
+    time.tzset()
+    assert {r.day for r in evaluation.repetitions} == {'2026-03-02'}
+
+
+# The program.
+
+
+def test_the_verdict_compares_with_the_least_help_there_is():
+    plain, helped = both([1.0] * 4), both([0.4] * 4)
+    for about, samples, least in (
+            (KINETIC, plain, 'kinetic'),
+            (info_of(), plain.with_(command=np.zeros(len(plain)), direction=None), 'none')):
+        evaluation = evaluate([samples, helped], about=[about, LAW])
+        assert [one.law for one in evaluation.pair()] == [least, 'continuous']
+        assert evaluation.reduction('peak_torque') == pytest.approx(0.6, abs=0.05)
+
+
+def test_a_joint_that_stuck_took_more_than_was_given():
+    def stuck(samples):
+        return samples.with_(position=np.zeros(len(samples)))
+    plain, helped = both([1.0] * 10), both([0.4] * 10)
+    bound = evaluate([stuck(plain), helped], about=[KINETIC, LAW])
+    assert bound.is_bound
+    assert 'at least **' in verdict(bound)
+    assert remarks(bound) == ['With d = ±1 · kinetic the joint did not move in 10 of 10 movements.']
+    # The second torque may be more than the bound.
+    other = evaluate([plain, stuck(helped)], about=[KINETIC, LAW])
+    assert not other.is_bound
+    assert 'at most **' in verdict(other)
+    neither = verdict(evaluate([stuck(plain), stuck(helped)], about=[KINETIC, LAW]))
+    assert 'at least' not in neither
+    assert 'at most' not in neither
+    # The command to a joint at rest is zero although the law is active, and no law twice is one.
+    idle = stuck(plain).with_(command=np.zeros(len(plain)))
+    assert laws(evaluate([idle], about=[KINETIC])) == {'kinetic'}
+    none = RecordingInfo('trial', 'elbow', activity=[(0.0, Activity(0, 'active', 'none', 'a'))])
+    assert {c.compensation for c in evaluate([
+        idle.with_(direction=None), plain.with_(direction=None)], about=[none] * 2).conditions} == {
+        Compensation('none', '', 0)}
+
+
+def test_each_joint_is_evaluated_and_compared_with_its_own_model(tmp_path, capsys):
+    write_samples(tmp_path / 'r', [trial([peak] * 4, step=2e-2).with_(joint=joint) for joint, peak
+                                   in (('elbow', 1.0), ('wrist', 0.5), ('grip', 1.0))])
+    write_arm(tmp_path / 'arm.yaml', {joint: replace(note_model(number), joint=joint)
+                                      for joint, number in (('elbow', 1), ('wrist', 2))})
+    command = [str(tmp_path / 'r'), '--model', str(tmp_path / 'arm.yaml'), '--output',
+               str(tmp_path / 'out')]
+    assert run('evaluate', command) == 0
+    assert 'left out: ' in capsys.readouterr().out
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    conditions = {one['joint']: one['conditions'][0] for one in report['joints']}
+    assert {joint: one['peak_torque'] for joint, one in conditions.items()} == pytest.approx(
+        {'elbow': 1.0, 'wrist': 0.5}, rel=0.02)
+    residuals = {one['figures']['residual_current']['mean'] for one in conditions.values()}
+    assert len(residuals) == 2
+    # A program gets the report on standard output.
+    assert run('evaluate', [*command, '--json']) == 0
+    assert json.loads(capsys.readouterr().out) == report
+
+
+def test_one_bad_recording_alone_is_an_error(tmp_path):
+    (tmp_path / 'broken.mcap').write_bytes(b'no recording')
+    with pytest.raises(InputError, match=r'broken\.mcap'):
+        evaluate_recordings([tmp_path / 'broken.mcap'])

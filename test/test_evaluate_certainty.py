@@ -6,17 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recording_maker import record_with_diagnostics
 from scipy.signal import lfilter
-from test_evaluate import PERIOD, REST
-from test_evaluate_sessions import both, info_of
 
 from friction_comp.evaluation.compare import compare, mean_interval, share_interval
-from friction_comp.evaluation.conditions import evaluate, evaluate_recordings, MeasuredJoint
+from friction_comp.evaluation.conditions import MeasuredJoint
 from friction_comp.evaluation.movements import Movement
 from friction_comp.evaluation.repetitions import Compensation, Repetition
-from friction_comp.recordings import RecordingInfo, write_samples
-from friction_comp.recordings.activity import Activity
 from friction_comp.reports.evaluation_words import verdict
 
 PLAIN, HELPED = Compensation('none', '', 0), Compensation('continuous', 'a.yaml', 1)
@@ -49,69 +44,6 @@ def session(order, random, help=0.0, drift=0.0, alike=0.0, day=0, scatter=0.15, 
 def peaks_of(repetitions):
     comparison, = compare(repetitions)
     return comparison
-
-
-@pytest.mark.parametrize('reference', [True, False])
-@pytest.mark.parametrize(('after', 'before', 'counted'), [
-    # s after the beginning of the fourth of six movements.
-    (-0.8, 'paper', 6), (0.1, 'paper', 5), (1.0, 'paper', 5), (2.3, 'paper', 5), (3.0, 'paper', 6),
-    (1.0, 'continuous', 6)])
-def test_a_movement_during_which_the_law_changed_counts_for_none(after, before, counted, reference):
-    samples = both([1.0] * 3 + [0.4] * 3)
-    if not reference:
-        samples = samples.with_(reference_position=None, reference_velocity=None)
-    about = info_of(activity=[
-        (0.0, before, 'a.yaml'), (3 * PERIOD + REST + after, 'continuous', 'a.yaml')])
-    evaluation = evaluate([samples], about=[about])
-    assert sum(c.repetitions for c in evaluation.conditions) == counted
-    assert len(evaluation.repetitions) == counted
-    assert 'changed' not in {c.compensation.law for c in evaluation.conditions}
-    left_out = [note for note in evaluation.notes if 'changed: left out' in note]
-    assert [note.split()[0] for note in left_out] == ['1'] * (6 - counted)
-
-
-def test_only_a_change_that_matters_is_one():
-    """Not another joint's model, nor what a compensator that does nothing has loaded."""
-    samples = both([1.0] * 4)
-    middle = PERIOD + REST + 1.0
-
-    def laws(*reports, **changes):
-        about = RecordingInfo('trial', 'elbow', activity=[
-            (since, Activity(0, *report).of('elbow')) for since, report in zip(
-                (0.0, middle), reports)])
-        return sorted(r.compensation.law for r in evaluate(
-            [samples.with_(**changes)], about=[about]).repetitions)
-
-    files = 'shoulder, elbow'
-    assert laws(('active', 'paper', 'a.yaml, b.yaml', files),
-                ('active', 'paper', 'c.yaml, b.yaml', files)) == ['paper'] * 4
-    assert laws(('unconfigured', 'paper', ''), ('inactive', 'continuous', 'a.yaml')) == ['none'] * 4
-    # Starting or stopping on the way is one, unless all commands were zero.
-    assert laws(('inactive', 'paper', 'a.yaml'), ('active', 'paper', 'a.yaml')) == [
-        'none', 'paper', 'paper']
-    assert laws(('inactive', 'paper', 'a.yaml'), ('active', 'paper', 'a.yaml'),
-                command=np.zeros(len(samples))) == ['none'] * 4
-
-
-def test_a_compensator_that_fell_silent_compensates_nothing(tmp_path):
-    """Its last report says active, and its last command is a current."""
-    samples = both([1.0] * 10)
-    time, command = samples.time, np.ones(len(samples))
-    # From within the third movement until after the sixth; shorter than a driver's timeout; to the
-    # end, though the joint does not start again.
-    begin, rest = 2 * PERIOD + REST + 1.0, 8 * PERIOD + 0.5
-    command[((time > begin) & (time < 6 * PERIOD + 0.5)) | (time > rest)] = np.nan
-    short = 6 * PERIOD + REST + 1.0
-    command[(time > short) & (time < short + 0.05)] = np.nan
-    position = samples.position.copy()
-    position[time > rest] = position[time > rest][0]
-    record_with_diagnostics(tmp_path / 'r', samples.with_(position=position, command=command), [
-        (0, ('continuous', 'a.yaml'))])
-    evaluation, = evaluate_recordings([tmp_path / 'r'])
-    assert [r.compensation.law for r in sorted(
-        evaluation.repetitions, key=lambda r: r.begin)] == (
-        ['continuous'] * 2 + ['none'] * 3 + ['continuous'] * 2 + ['none'] * 2)
-    assert any('1 movement during which' in note for note in evaluation.notes)
 
 
 @pytest.mark.parametrize('alike', [0.0, 0.3, 0.6])
@@ -242,36 +174,6 @@ def test_the_verdict_is_no_surer_than_the_comparison():
     apart = judged(session([0] * 8, random) + session([1] * 8, random, help=0.4, day=1))
     assert 'recorded on different days' in verdict(apart)
     assert 'Whether this is so is not known' in verdict(apart)
-
-
-def test_what_was_not_recorded_is_not_invented(tmp_path):
-    """A peak within a hole of the torque is not known, nor a movement in a gap of the motion."""
-    samples = both([1.0] * 6)
-    peak = 2 * PERIOD + REST + 0.2
-    lost = abs(samples.time - peak) < 0.3
-    write_samples(tmp_path / 'whole', samples)
-    write_samples(tmp_path / 'hole', samples.with_(load=np.where(lost, np.nan, samples.load)))
-    found, = evaluate_recordings([tmp_path / 'whole'])
-    assert found.conditions[0].figures['peak_torque'].count == 3
-    found, = evaluate_recordings([tmp_path / 'hole'])
-    assert found.conditions[0].repetitions == 3
-    for figure in ('peak_torque', 'rms_torque'):
-        assert found.conditions[0].figures[figure].count == 2
-    assert any('has gaps' in note for note in found.notes)
-    assert found.conditions[0].peak_torque == pytest.approx(1.0, abs=0.1)
-    for begin, end in ((0.0, 0.5), (1.0, 1.3), (2.3, 3.5)):
-        since = samples.time - 2 * PERIOD - REST
-        gap = evaluate([samples.take((since < begin) | (since > end))])
-        assert sum(c.repetitions for c in gap.conditions) == 5
-        assert '1 movement with a gap in the joint states: left out' in gap.notes
-
-
-def test_a_torque_of_the_wrong_sign_is_noted():
-    samples = both([1.0] * 8)
-    still = samples.with_(command=np.zeros(len(samples)), direction=0 * samples.direction)
-    for sign, offset, noted in ((1, 0.0, False), (-1, 0.0, True), (1, 0.6, False), (-1, 0.6, True)):
-        evaluation = evaluate([still.with_(load=sign * still.load + offset)])
-        assert noted == any('interaction_wrench may be wrong' in note for note in evaluation.notes)
 
 
 def test_a_direction_that_no_law_hears_is_no_second_way_to_do_without():

@@ -66,7 +66,7 @@ def test_the_stated_export_error_is_that_of_the_missing_effect():
     assert joint.coulomb == pytest.approx(0.2 * GAIN, rel=0.02)
 
 
-@pytest.mark.parametrize('form', ['mujoco', 'isaac', 'json', 'csv'])
+@pytest.mark.parametrize('form', ['mujoco', 'csv'])
 def test_what_refine_doubted_or_took_for_granted_is_said_with_the_numbers(tmp_path, capsys, form):
     doubtful = replace(PLAIN, notes={
         'verdict': 'trust in part', 'reasons': ['Motion was in one direction only.'],
@@ -88,12 +88,6 @@ def test_friction_that_falls_with_speed_is_not_written_as_negative_nor_lost_sile
     assert 'misses nothing' not in text
 
 
-def test_json_holds_the_offset_and_misses_nothing_by_it(tmp_path):
-    lopsided = replace(PLAIN, sigmoid=replace(PLAIN.sigmoid, upper=0.3))
-    assert 'misses nothing' in exported(tmp_path, lopsided, 'json')
-    assert 'misses the model' in exported(tmp_path, lopsided, 'urdf')
-
-
 def test_a_linear_axis_with_a_motor_constant_is_no_hinge(tmp_path):
     axis = replace(PLAIN, notes={'unit': 'A', 'position_unit': 'm'})
     text = exported(tmp_path, axis, 'mujoco')
@@ -113,9 +107,20 @@ def test_files_hold_the_numbers_and_say_what_they_miss(tmp_path, form):
         assert any(number == pytest.approx(value, rel=1e-6) for number in numbers)
     assert 'misses nothing of the model' in text
     assert 'Not in it: gravity' in text
+    # An offset has no place in these; in JSON it has.
+    lopsided = replace(PLAIN, sigmoid=replace(PLAIN.sigmoid, upper=0.3))
+    assert 'misses the model' in exported(tmp_path, lopsided, form)
+    content = exported(tmp_path, lopsided, 'json')
+    assert 'misses nothing' in content
+    assert json.loads(content)['inertia'] == pytest.approx(0.01 * GAIN)
+    # The inertia of links that the simulator has itself can be left out.
+    path = tmp_path / 'without'
+    assert run('export', [str(tmp_path / 'model.yaml'), '--to', form, '--output', str(path),
+                          '--without-inertia']) == 0
+    assert 'armature' not in path.read_text(encoding='utf-8')
 
 
-def test_the_table_gives_the_models_torque(tmp_path):
+def test_the_table_gives_the_models_torque(tmp_path, capsys):
     load = EFFECTS['load_friction']({'coefficients': [0.02], 'exponent': 1.0, 'transition': 1e-4})
     text = exported(tmp_path, replace(PLAIN, effects=[load]), 'csv')
     rows = np.array([[float(cell) for cell in row] for row in list(
@@ -125,9 +130,8 @@ def test_the_table_gives_the_models_torque(tmp_path):
     slides = np.abs(speed) > 0.01
     np.testing.assert_allclose(torque[slides], expected[slides], rtol=1e-4)
     assert len(np.unique(loads)) == 9
-
-
-def test_a_table_says_what_lies_between_its_rows(tmp_path, capsys):
+    # What lies between its rows is said.
+    capsys.readouterr()
     exported(tmp_path, replace(PLAIN, effects=[RIPPLE]), 'csv')
     missed = float(re.search(r'misses the model by (\S+) N·m', capsys.readouterr().out)[1])
     # Between 15 rows a wave lie one or two per cent of it.
@@ -197,14 +201,10 @@ def test_no_simulator_draws_from_numbers_below_zero(tmp_path):
     assert min(numbers['range']['coulomb']) < 0.0
 
 
-def test_static_friction_is_the_measured_breakaway_where_it_is_higher():
-    high = replace(PLAIN, breakaway=Breakaway(0.31, -0.29))
-    assert simulator_joint(high, 'isaac').static == pytest.approx(0.3 * GAIN)
-    assert simulator_joint(high, 'isaac').static_is == 'measured breakaway'
-
-
 @pytest.mark.parametrize(('ends', 'static'), [((0.27, 0.33), 0.3), ((0.1, 0.9), 0.2), ((), 0.3)])
-def test_stribeck_friction_is_static_where_the_recording_tells_it(ends, static):
+def test_static_friction_is_that_of_breakaway_or_stribeck_where_the_recording_tells(ends, static):
+    high = simulator_joint(replace(PLAIN, breakaway=Breakaway(0.31, -0.29)), 'isaac')
+    assert (high.static, high.static_is) == (pytest.approx(0.3 * GAIN), 'measured breakaway')
     fading = EFFECTS['stribeck']({'velocity': 0.05, 'exponent': 2.0, 'transition': 0.01,
                                   'coefficients': [0.1]})
     model = replace(PLAIN, breakaway=None, effects=[*PLAIN.effects, fading], recorded=Recorded(
@@ -214,21 +214,6 @@ def test_stribeck_friction_is_static_where_the_recording_tells_it(ends, static):
     assert ('hardly tells' in joint.static_is) == (static == 0.2)
     if ends:
         assert joint.ranges['static'] == pytest.approx((max(ends[0], 0.2) * GAIN, ends[1] * GAIN))
-
-
-def test_json_holds_everything(tmp_path):
-    content = json.loads(exported(tmp_path, PLAIN, 'json'))
-    assert content['unit'] == 'N·m'
-    assert content['inertia'] == pytest.approx(0.01 * GAIN)
-    assert any('all links that moved' in line for line in content['remarks'])
-
-
-def test_the_inertia_of_the_links_can_be_left_out(tmp_path):
-    PLAIN.save(tmp_path / 'model.yaml')
-    path = tmp_path / 'out.xml'
-    run('export', [str(tmp_path / 'model.yaml'), '--to', 'mujoco', '--output', str(path),
-                   '--without-inertia'])
-    assert 'armature' not in path.read_text(encoding='utf-8')
 
 
 @pytest.mark.parametrize('unit', ['LSB', 'V', 'A'])

@@ -17,7 +17,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import simulator_joint
-from friction_comp.reports.fleet_page import each_page, fleet_verdict
+from friction_comp.reports.fleet_page import each_page
 from friction_comp.samples import Samples
 
 RATE, WIDTH = 100.0, 0.02
@@ -68,9 +68,9 @@ def population(model):
 
 def test_three_odd_units_of_forty_are_found_and_no_other(population):
     assert population.out == {'unit_04': ['coulomb'], 'unit_17': [ERROR], 'unit_31': ['inertia']}
-    verdict = fleet_verdict(population)
-    assert verdict.startswith('**3 of 40 units are out**')
-    assert 'unit_31: inertia' in verdict
+    page = each_page({'recordings': [], 'failed': [], 'not_done': 0}, [population]).html()
+    for text in ('3 of 40 units are out', 'unit_17', 'error of the common model', 'fleet.json'):
+        assert text in page
 
 
 def test_mean_spread_and_range_are_those_of_the_population(population):
@@ -91,13 +91,6 @@ def test_mean_spread_and_range_are_those_of_the_population(population):
     # The same noise in all units.
     assert by_name[ERROR].mean == pytest.approx(0.01, rel=0.1)
     assert not by_name['offset'].varies
-
-
-def test_a_population_has_the_file_that_its_page_names(population):
-    assert population.file_name == 'population_elbow'
-    assert replace(population, joint='left/knee').file_name == 'population_left_knee'
-    # A table has a joint without a name.
-    assert replace(population, joint='').file_name == 'population'
 
 
 def test_the_exported_ranges_are_those_of_further_units(population, tmp_path):
@@ -156,14 +149,5 @@ def test_an_effect_is_common_if_half_of_the_recordings_show_it(model):
     assert [one.name for one in common.compared()][-1].startswith('friction ripple of 24')
 
 
-def test_few_units_are_not_compared(model):
     with pytest.raises(InputError, match='3 units are too few'):
         fleet(model, 3, {})
-
-
-def test_the_page_names_units_parameters_and_intervals(population):
-    content = {'recordings': [], 'failed': [], 'not_done': 0}
-    page = each_page(content, [population]).html()
-    for text in ('3 of 40 units are out', 'unit_17', 'error of the common model', 'fleet.json'):
-        assert text in page
-    assert '<script src' not in page

@@ -17,11 +17,10 @@ import pytest
 from recording_maker import joint_state, record as record_bag, wrench
 from report_pages import assert_documented
 from table_maker import swing, write
-from test_evaluate import trial
-from work_that_may_die import work_that_may_die
+from work_that_may_die import work_that_ends_a_worker_once, work_that_may_die
 
-from friction_comp import parallel
 from friction_comp.__main__ import run
+from friction_comp.cluster import runner_on_cluster
 from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.parallel import Failure, run_each
 from friction_comp.recordings import write_samples
@@ -29,57 +28,53 @@ from friction_comp.recordings.pieces import pieces_of
 from simulated_recordings.drives import excitation_for, random_drive, record
 
 
+def write_recording(path, seed=40, **options):
+    """Write a short recording of one drive that hides gravity."""
+    samples = record(random_drive(3, ['gravity']), seed, excitation_for(
+        ['gravity'], **{'duration': 4.0, 'rate': 60.0, **options}))[0].samples
+    write_samples(path, samples)
+
+
+def refined_each(out, *arguments):
+    """Run refine on each recording; return the summary."""
+    assert run('refine', [*map(str, arguments), '--each', '--output', str(out)]) == 0
+    return json.loads((out / 'report.json').read_text())
+
+
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory):
-    """Short recordings of one drive that hides gravity, and one that cannot be read."""
+    """Two recordings, and one that cannot be read."""
     room = tmp_path_factory.mktemp('many') / 'sessions'
-    drive = random_drive(3, ['gravity'])
     for k in range(2):
-        samples = record(drive, 40 + k, excitation_for(
-            ['gravity'], duration=8.0, rate=125.0))[0].samples
-        write_samples(room / f'day_{k}', samples)
+        write_recording(room / f'day_{k}', 40 + k, duration=8.0, rate=125.0)
     (room / 'broken.mcap').write_bytes(b'no recording')
     return room
 
 
-def trials(room, count):
-    for k in range(count):
-        # A hundred a second are enough for what is not about their number.
-        write_samples(room / f't{k}', trial([1.0 + 0.1 * k] * 4, directions=[1, -1] * 2, step=1e-2))
-    return room
-
-
 @pytest.mark.slow
-def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp_path, capsys):
+def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp_path, refuses):
     out = tmp_path / 'out'
-    assert run('refine', [str(folder), '--each', '--output', str(out)]) == 0
-    content = json.loads((out / 'report.json').read_text())
+    content = refined_each(out, folder)
     assert_documented(content, 'refine --each')
     assert [Path(row['recording']).name for row in content['recordings']] == ['day_0', 'day_1']
     for row in content['recordings']:
         assert row['effects'][0]['name'] == 'gravity'
         assert row['after'] < 0.5 * row['before']
-        for name in ('report.json', 'report.html', 'model.yaml'):
-            assert (out / row['folder'] / name).stat().st_size > 0
+        assert (out / row['folder'] / 'model.yaml').stat().st_size > 0
         own = json.loads((out / row['folder'] / 'report.json').read_text())
         assert own['after']['held_out_rmse'] == row['after']
-    assert len(content['failed']) == 1
-    assert 'broken.mcap' in content['failed'][0]
+    failed, = content['failed']
+    assert 'broken.mcap' in failed
     page = (out / 'report.html').read_text(encoding='utf-8')
     assert 'href="day_0/report.html"' in page
-    for text in (page, (out / 'day_0' / 'report.html').read_text(encoding='utf-8')):
-        assert 'friction_comp refine' in text
     assert 'broken.mcap' in page
-    told = capsys.readouterr().out
-    assert told.startswith('2 of 3 refined')
+    refuses('--each', 'refine', folder, '--jobs', '2')
+    refuses('broken.mcap', 'refine', folder / 'broken.mcap', '--each')
 
 
-ROBOTS = [f'/{robot}/joint_states/elbow' for robot in ('left', 'right')]
-
-
-@pytest.fixture(scope='module')
-def two_robots(tmp_path_factory):
-    """A recording of joints with one name, whose signals are in the namespaces of two robots."""
+@pytest.mark.slow
+def test_each_of_two_robots_in_one_recording_is_a_joint_of_its_own(tmp_path, refuses):
+    """Joints of one name, whose signals are in the namespaces of two robots."""
     times, position, velocity = swing(1000, 0.02)
     noise = 0.01 * np.random.default_rng(1).normal(size=len(times))
     messages = []
@@ -89,27 +84,17 @@ def two_robots(tmp_path_factory):
             messages += [(f'/{robot}/joint_states', stamp, joint_state(
                 stamp, ['elbow'], [q], [], [scale * tau])), (
                 f'/{robot}/interaction_wrench', stamp, wrench(stamp, 'elbow', scale))]
-    return record_bag(tmp_path_factory.mktemp('two') / 'r', messages)
-
-
-def test_each_of_two_robots_in_one_recording_is_a_joint_of_its_own(two_robots, tmp_path, capsys):
-    pieces, failures = pieces_of([two_robots])
-    assert [piece.joint for piece in pieces] == ROBOTS
+    path = record_bag(tmp_path / 'r', messages)
+    robots = [f'/{robot}/joint_states/elbow' for robot in ('left', 'right')]
+    pieces, failures = pieces_of([path])
+    assert [piece.joint for piece in pieces] == robots
     assert not failures
-    found = evaluate_recordings([two_robots])
-    assert [evaluation.joint for evaluation in found] == ROBOTS
-    for evaluation, load in zip(found, (1.0, 2.0)):
-        assert {condition.peak_torque for condition in evaluation.conditions} == {load}
-    assert run('refine', [str(two_robots), '--output', str(tmp_path / 'one')]) == 2
-    assert f"name one with --joint: '{ROBOTS[0]}', '{ROBOTS[1]}'" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_each_of_two_robots_in_one_recording_is_refined(two_robots, tmp_path):
-    assert run('refine', [str(two_robots), '--each', '--output', str(tmp_path / 'out')]) == 0
-    rows = json.loads((tmp_path / 'out' / 'report.json').read_text())['recordings']
+    assert [{condition.peak_torque for condition in evaluation.conditions}
+            for evaluation in evaluate_recordings([path])] == [{1.0}, {2.0}]
+    refuses(f"name one with --joint: '{robots[0]}', '{robots[1]}'", 'refine', path)
+    rows = refined_each(tmp_path / 'out', path)['recordings']
     assert [(row['joint'], row['folder']) for row in rows] == [
-        (name, f'r_{name.replace("/", "_")}') for name in ROBOTS]
+        (name, f'r_{name.replace("/", "_")}') for name in robots]
     assert rows[1]['noise_floor'] == pytest.approx(2.0 * rows[0]['noise_floor'], rel=0.1)
 
 
@@ -120,31 +105,24 @@ def test_a_linear_axis_is_in_metres_and_newtons_on_every_page(tmp_path):
         write(tmp_path / f'{name}.csv', **{
             't': times, 'pos [mm]': 100.0 * position,
             'force [N]': 30.0 * np.tanh(velocity / 0.02) + rng.standard_normal(len(times))})
-    for command in (['--each'], []):
-        out = tmp_path / f'out{len(command)}'
-        assert run('refine', [*map(str, tmp_path.glob('*.csv')), *command, '--output', str(out)]
-                   ) == 0
-        for page in out.rglob('report.*'):
-            text = page.read_text(encoding='utf-8')
-            assert 'm/s' in text or page.parent == out
-            assert 'N·m' not in text
-            assert 'rad/s' not in text
+    refined_each(tmp_path / 'out', *tmp_path.glob('*.csv'))
+    for page in (tmp_path / 'out').rglob('report.*'):
+        text = page.read_text(encoding='utf-8')
+        assert 'm/s' in text or page.parent == tmp_path / 'out'
+        assert 'N·m' not in text
+        assert 'rad/s' not in text
 
 
 @pytest.mark.slow
 def test_an_interrupted_run_is_continued_and_what_changed_is_done_again(tmp_path):
     out, room = tmp_path / 'out', tmp_path / 'sessions'
     for day in range(2):
-        write_samples(room / f'day_{day}', record(random_drive(3, ['gravity']), 40, excitation_for(
-            ['gravity'], duration=4.0, rate=60.0))[0].samples)
-    command = [str(room), '--each', '--jobs', '1', '--output', str(out)]
-    assert run('refine', command) == 0
+        write_recording(room / f'day_{day}')
+    before = refined_each(out, room, '--jobs', '1')
     first = {path: path.stat().st_mtime_ns for path in out.glob('*/report.json')}
-    before = json.loads((out / 'report.json').read_text())
     # As after an interrupt, one recording is not done; another is not the same any more.
     (out / 'day_0' / 'resume.json').unlink()
-    assert run('refine', command) == 0
-    content = json.loads((out / 'report.json').read_text())
+    content = refined_each(out, room, '--jobs', '1')
     assert content['taken_over'] == 1
     assert [row['after'] for row in content['recordings']] == [
         row['after'] for row in before['recordings']]
@@ -152,25 +130,7 @@ def test_an_interrupted_run_is_continued_and_what_changed_is_done_again(tmp_path
     assert changed == {'day_0'}
     for file in (room / 'day_1').iterdir():
         os.utime(file, (1e9, 1e9))
-    assert run('refine', [*command, '--current-limit', '2']) == 0
-    assert json.loads((out / 'report.json').read_text())['taken_over'] == 0
-
-
-def test_a_program_gets_the_report_on_standard_output(tmp_path, capsys):
-    write_samples(tmp_path / 't', trial([1.0] * 4, directions=[1, -1] * 2, step=1e-2))
-    assert run('evaluate', [str(tmp_path / 't'), '--output', str(tmp_path / 'o'), '--json']) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads(
-        (tmp_path / 'o' / 'report.json').read_text())
-
-
-def test_nothing_to_be_used_is_an_error(tmp_path, refuses):
-    (tmp_path / 'a.mcap').write_bytes(b'no recording')
-    (tmp_path / 'b.mcap').write_bytes(b'nor this')
-    refuses('a.mcap', 'refine', tmp_path, '--each')
-
-
-def test_many_processes_are_for_many_models(folder, refuses):
-    refuses('--each', 'refine', folder, '--jobs', '2')
+    assert refined_each(out, room, '--jobs', '1', '--current-limit', '2')['taken_over'] == 0
 
 
 def test_a_bug_costs_one_item_of_many_and_is_raised_for_a_single_one():
@@ -195,26 +155,11 @@ def test_a_killed_process_costs_only_its_item():
     assert os.getpid() not in {found[k][1] for k in others}
 
 
-def test_processes_are_started_only_where_they_save_time(tmp_path, monkeypatch):
-    def no_process(*_):
-        raise AssertionError('a process was started')
-    monkeypatch.setattr(parallel, 'child_process', no_process)
-    monkeypatch.setattr('os.cpu_count', lambda: 2)
-    room = trials(tmp_path / 'r', 1)
-    for k in range(1, 8):
-        shutil.copytree(room / 't0', room / f't{k}')
-    arguments = [str(room), '--output', str(tmp_path / 'out')]
-    assert run('evaluate', arguments) == 0
-    with pytest.raises(AssertionError, match='was started'):
-        run('refine', [*arguments, '--each'])
-
-
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
     """One of two processes has begun the last recording when the first one is done."""
     room, out = tmp_path / 'r', tmp_path / 'out'
-    write_samples(room / 'day_0', record(random_drive(3, ['gravity']), 0, excitation_for(
-        ['gravity'], duration=4.0, rate=60.0))[0].samples)
+    write_recording(room / 'day_0')
     for day in range(1, 3):
         shutil.copytree(room / 'day_0', room / f'day_{day}')
     process = subprocess.Popen(
@@ -229,11 +174,10 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
     # As from a terminal: to all processes.
     os.killpg(process.pid, signal.SIGINT)
     told, errors = process.communicate(timeout=300.0)
-    assert process.returncode == 130
-    assert errors == ''
+    assert (process.returncode, errors) == (130, '')
+    assert 'Interrupted' in told
     content = json.loads((out / 'report.json').read_text())
     assert content['not_done'] == 2
-    assert 'Interrupted' in told
     row, = content['recordings']
     assert np.isfinite(row['after'])
     end = time.monotonic() + 60.0
@@ -241,3 +185,47 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
                          check=False).returncode == 0:
         assert time.monotonic() < end, 'processes are left behind'
         time.sleep(0.1)
+
+
+# On a Dask cluster: the same results as here, and none is lost where a worker is killed.
+
+
+def cluster(workers, processes):
+    """Return workers of this machine; Dask takes a second to import."""
+    distributed = pytest.importorskip('distributed', reason='Dask is not installed')
+    return distributed.LocalCluster(
+        n_workers=workers, threads_per_worker=1, processes=processes, dashboard_address=None)
+
+
+@pytest.mark.slow
+def test_a_killed_worker_costs_nothing(tmp_path):
+    items = [(number, tmp_path / 'died' if number == 2 else None) for number in range(6)]
+    with cluster(2, True) as made, runner_on_cluster(made.scheduler_address) as work_on:
+        found = dict(work_on(work_that_ends_a_worker_once, items))
+    assert (tmp_path / 'died').exists()
+    assert found.pop(3) == Failure('3: not this one')
+    assert {index: outcome[0] for index, outcome in found.items()} == {0: 0, 1: 1, 2: 2, 4: 4, 5: 5}
+
+
+@pytest.mark.slow
+def test_recordings_are_refined_on_the_cluster_as_here(tmp_path):
+    """On a worker in this process: that work and results pass between processes, others say."""
+    write_recording(tmp_path / 'robots' / 'one_day', 4)
+    with cluster(1, False) as made:
+        here, there = (refined_each(tmp_path / where, tmp_path / 'robots', *more)['recordings']
+                       for where, more in (('here', ['--jobs', '1']), ('there', [
+                           '--scheduler', made.scheduler_address])))
+    assert [{**row, 'seconds': 0} for row in here] == [{**row, 'seconds': 0} for row in there]
+    assert (tmp_path / 'there' / 'one_day' / 'model.yaml').is_file()
+
+
+def test_a_scheduler_that_does_not_answer_is_named(tmp_path, refuses, monkeypatch):
+    pytest.importorskip('distributed', reason='Dask is not installed')
+    monkeypatch.setattr('friction_comp.cluster._PATIENCE', 0.2)
+    write_recording(tmp_path / 'day')
+    for words, address, *each in (
+            ('no Dask scheduler answers', 'tcp://127.0.0.1:1', '--each'),
+            ('an address has a host and a port', 'nonsense', '--each'),
+            ('an address has a host and a port', 'tcp://host', '--each'),
+            ('--scheduler goes with --each', 'tcp://127.0.0.1:1')):
+        refuses(words, 'refine', tmp_path / 'day', *each, '--scheduler', address)

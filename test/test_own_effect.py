@@ -8,7 +8,6 @@ import pytest
 
 from friction_comp import CompensationLaw, FrictionModel, refine, Samples
 from friction_comp.model.effects import Effect, EFFECTS, register, SearchRange
-from friction_comp.reports.refinement_page import refinement_page
 from friction_comp.statistics import rms
 
 GAIN, REFERENCE = 0.06, 0.35
@@ -32,27 +31,6 @@ class TightEnd(Effect):
 
     def describe(self):
         return 'The joint gets tighter along its stroke'
-
-
-class Lagging(TightEnd):
-    """A memory that follows the position, told by `start` and `step` alone."""
-
-    name = 'lagging'
-    has_memory = True
-    constants = {}
-
-    @staticmethod
-    def step(state, dt, dq, velocity, c):
-        return 0.9 * state + dq
-
-
-def test_a_memory_is_computed_step_by_step_from_the_start_of_each_stretch():
-    samples = recording(2, duration=1.0)
-    states = Lagging.memory(samples, 0.0, ())
-    expected = [0.0]
-    for way in np.diff(samples.position):
-        expected.append(0.9 * expected[-1] + way)
-    np.testing.assert_allclose(states, expected)
 
 
 @pytest.fixture
@@ -80,7 +58,7 @@ def test_an_effect_that_exists_only_here(own_effect, tmp_path):
     result = refine([recording(1)])
     found = result.report.effects[0]
     assert found.name == 'tight_end'
-    assert found.variable == 'position'
+    assert found.in_words.lower().startswith('the joint gets tighter along its stroke')
     assert found.parameters['reach'] == pytest.approx(REFERENCE, rel=0.1)
     assert found.parameters['coefficients'][0] == pytest.approx(GAIN, rel=0.1)
 
@@ -97,13 +75,29 @@ def test_an_effect_that_exists_only_here(own_effect, tmp_path):
     expected = GAIN * 0.5 * (np.exp(0.4 / REFERENCE) - np.exp(-0.4 / REFERENCE))
     assert tight - loose == pytest.approx(expected, rel=0.1)
 
-    page = tmp_path / 'report.html'
-    refinement_page(result, ['fresh'], tmp_path).save(page)
-    assert 'the joint gets tighter along its stroke' in page.read_text(encoding='utf-8')
-
 
 def test_without_the_new_effect_no_other_replaces_it():
     report = refine([recording(1)]).report
     assert 'tight_end' not in [effect.name for effect in report.effects]
     assert 'position' in [entry.variable for entry in report.unexplained] + [
         effect.variable for effect in report.effects]
+
+
+class Lagging(TightEnd):
+    """A memory that follows the position, told by `start` and `step` alone."""
+
+    name = 'lagging'
+    has_memory = True
+    constants = {}
+
+    @staticmethod
+    def step(state, dt, dq, velocity, c):
+        return 0.9 * state + dq
+
+
+def test_a_memory_is_computed_step_by_step_from_the_start_of_each_stretch():
+    samples = recording(2, duration=1.0)
+    expected = [0.0]
+    for way in np.diff(samples.position):
+        expected.append(0.9 * expected[-1] + way)
+    np.testing.assert_allclose(Lagging.memory(samples, 0.0, ()), expected)

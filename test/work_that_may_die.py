@@ -31,12 +31,12 @@ def work_that_ends_a_worker_once(item):
     return number, os.getpid()
 
 
-def refined_where_first(arguments, with_page, piece):
+def refined_where_first(arguments, with_page, item):
     """Refine the first recording; never finish with another."""
-    if piece.path.name != 'day_0':
+    if item.piece.path.name != 'day_0':
         threading.Event().wait()
     from friction_comp.tools.refine_each import _refine_one
-    return _refine_one(arguments, with_page, piece)
+    return _refine_one(arguments, with_page, item)
 
 
 if __name__ == '__main__':
