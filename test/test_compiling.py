@@ -1,11 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled code gives the currents of plain Python, and none is loaded while a motor is driven."""
+"""What a robot loads: compiled code before a motor is driven, and nothing of the laboratory.
 
-import ast
+Compiled code gives the currents of plain Python.
+"""
+
 import textwrap
 
-from helpers import printed_by, ROOT
+from helpers import printed_by
 import numpy as np
 import pytest
 
@@ -85,29 +87,47 @@ def test_no_model_loads_code_or_modules_while_a_motor_is_driven():
     assert printed[1:] == []
 
 
-def compiled_functions(tree):
-    """Return the functions of a module that are compiled, decorated or by a call."""
-    by_call = {argument.id for node in ast.walk(tree) if isinstance(node, ast.Call)
-               and 'njit(' in ast.unparse(node.func) for argument in node.args}
-    return [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and (
-        node.name in by_call or any('njit' in ast.unparse(one) for one in node.decorator_list))]
+NODE = """
+    import sys
+    import rclpy
+    from friction_comp.nodes.{name} import {kind}
+    from friction_comp.ros import node_main
+    rclpy.init(args=['x', '--ros-args', {arguments}])
+    node = {kind}()
+    print(*(name for name in sys.modules if name.startswith(
+        ('matplotlib', *{modules}, *(f'friction_comp.{{room}}' for room in {rooms})))))
+    sys.stdout.flush()
+    sys.modules['os']._exit(0)
+"""
+LABORATORY = ('refinement', 'reports', 'evaluation', 'fleet', 'excitation', 'simulation', 'note',
+              'demo', 'recorded_drive', 'tools')
+JOINT = ("'-p', 'joints:=[elbow]', '-p', "
+         "'model_files:=[config/armin_configuration_1.yaml]'")
 
 
-def test_compiled_code_uses_nothing_whose_change_would_leave_its_cache():
-    """The Makefile deletes the cache after a change in a folder with compiled functions."""
-    roots = [ROOT, ROOT / 'bench', ROOT / 'harness']
-    trees = {path: ast.parse(path.read_text(encoding='utf-8'))
-             for folder in ('friction_comp', 'bench', 'harness')
-             for path in (ROOT / folder).rglob('*.py')
-             if 'njit(cache' in path.read_text(encoding='utf-8')}
-    folders = {path.parent for path in trees}
-    for path, tree in trees.items():
-        origins = {alias.asname or alias.name: node.module.replace('.', '/')
-                   for node in tree.body if isinstance(node, ast.ImportFrom)
-                   for alias in node.names}
-        used = {name.id for function in compiled_functions(tree) for name in ast.walk(function)
-                if isinstance(name, ast.Name)}
-        assert used
-        for name in used & set(origins):
-            for file in (root / f'{origins[name]}.py' for root in roots):
-                assert not file.exists() or file.parent in folders, (path, name)
+@pytest.mark.parametrize('rooms', [
+    'model.friction_model', 'model.motor_check', 'compensation.law', 'control.compensation_loop',
+    'control.model_trial'])
+def test_the_law_and_what_it_needs_import_nothing_of_the_laboratory(rooms):
+    assert printed_by(f"""
+    import importlib, sys
+    importlib.import_module('friction_comp.{rooms}')
+    print(*(name for name in sys.modules if name.startswith(
+        ('matplotlib', 'scipy.stats', 'rclpy', 'friction_comp.identification',
+         *(f'friction_comp.{{room}}' for room in {LABORATORY})))))
+    """).split() == []
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(('name', 'arguments'), [
+    ('compensator', JOINT), ('identification', JOINT), ('direction', "'-p', 'joints:=[elbow]'"),
+    ('exercise', "'-p', 'joints:=[elbow]'")])
+def test_a_node_at_work_has_imported_nothing_of_the_laboratory(name, arguments):
+    """The compensator is active; identification has loaded what a goal needs."""
+    pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+    identifies = name == 'identification'
+    # Filters of SciPy bring its statistics.
+    modules = () if identifies else ('scipy.stats', 'friction_comp.identification')
+    assert printed_by(NODE.format(
+        name=name, kind=f'{name.capitalize()}Node', arguments=arguments, rooms=LABORATORY,
+        modules=modules), ROS_AUTOMATIC_DISCOVERY_RANGE='OFF').split() == []

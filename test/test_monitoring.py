@@ -13,8 +13,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Recorded
-from friction_comp.monitoring.live_residual import LiveResidual
-from friction_comp.monitoring.residual_monitor import ResidualMonitor
+from friction_comp.monitoring.live_residual import LiveResidual, ResidualMonitor
 
 MODEL = note_model(1)
 STEP = 0.02

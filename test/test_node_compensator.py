@@ -1,15 +1,25 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The compensator over DDS, with joint states from the test."""
+"""The compensator over DDS, with joint states from the test: answers, requests, faults and ends."""
 
+from array import array
 from dataclasses import replace
 import math
+import os
+from pathlib import Path
+import signal
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from node_process import Process
 import numpy as np
 import pytest
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from ros_system import (
+    BEST_EFFORT,
     compensator,
     FakeDriver,
     joint_state,
@@ -20,14 +30,20 @@ from ros_system import (
     RELIABLE,
     START,
     tick,
+    unasked,
     value_of,
     ZERO,
 )
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState, Temperature
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
+from std_srvs.srv import Trigger
 
 from friction_comp.compensation.law import CompensationLaw
+from friction_comp.control.compensation_loop import ALONE
 from friction_comp.model.friction_model import FrictionModel
+
+HEAVY = {'effects': [{'name': 'gravity', 'parameters': {'coefficients': [0.1, 0.0]}}]}
 
 
 def movement(count=40):
@@ -36,6 +52,13 @@ def movement(count=40):
     travelled = np.maximum(steps - 10, 0)[:, None] ** 2 * np.array([[2e-5, -1e-5]])
     velocity = np.vstack((np.zeros((1, 2)), np.diff(travelled, axis=0) / 1e-3))
     return steps * 1e-3, travelled, velocity
+
+
+def settled(driver, ahead=0):
+    """Return the commands at rest once a change of law or model has faded in, `ahead` of now, s."""
+    driver.announce([1, 1])
+    base = time.time_ns() + ahead * 10**9
+    return [driver.ask(ZERO, ZERO, base + k * 50_000_000) for k in range(20)][-1]
 
 
 @pytest.mark.parametrize('law', ['continuous', 'paper', 'kinetic', 'none'])
@@ -95,115 +118,243 @@ def test_lifecycle_and_zero_current_on_deactivation(driver):
     assert driver.ask([0.0, 0.0], ZERO)[0] > 0.05
 
 
-def test_a_new_model_is_taken_over_while_running(driver, tmp_path):
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'sigmoid': {}}, 'sigmoid'), ({'notes': {'unit': 'LSB'}}, 'LSB'),
+    ({'notes': {'unit': 'N·m'}}, 'command_interface'), ({'joint': 'shoulder'}, 'shoulder'),
+    ({'notes': {'verdict': 'record again', 'reasons': ['Too short.']}}, 'Too short'),
+    (None, 'none.yaml')])
+def test_a_model_that_cannot_be_used_is_refused_while_the_motor_is_driven(
+        driver, tmp_path, changes, words):
+    path = tmp_path / 'none.yaml'
+    if changes:
+        path.write_text(str({**FrictionModel.load(MODELS[0]).to_dict(), **changes}))
+    before = driver.ask(ZERO, ZERO)
     probe = driver.probe
-    driver.announce([1, 1])
-    before = driver.ask([0.0, 0.0], ZERO)
-    bad = tmp_path / 'bad.yaml'
-    bad.write_text('format: friction_comp_model\nversion: 1\n')
-    for files in ([MODELS[2], str(bad)], [MODELS[2], str(tmp_path / 'none.yaml')], [MODELS[2]]):
-        assert probe.set_parameter('compensator', 'model_files', files)
-        assert probe.get_parameter_of('compensator', 'model_files') == MODELS[:2]
-        driver.announce([1, 1])
-        np.testing.assert_allclose(driver.ask([0.0, 0.0], ZERO), before, atol=1e-12)
-    assert probe.set_parameter('compensator', 'model_files', [MODELS[2], MODELS[1]]) is None
-    driver.announce([1, 1])
-    base = time.time_ns()
-    for k in range(20):
-        # The difference between the models fades in within some 0.05 s.
-        after = driver.ask([0.0, 0.0], ZERO, base + k * 50_000_000)
+    assert words in probe.set_parameter('compensator', 'model_files', [str(path), MODELS[1]])
+    assert probe.get_parameter_of('compensator', 'model_files') == MODELS[:2]
+    assert driver.ask(ZERO, ZERO) == before
+
+
+def test_a_new_model_is_taken_over_while_running(driver):
+    before = settled(driver)
+    files = [MODELS[2], MODELS[1]]
+    assert driver.probe.set_parameter('compensator', 'model_files', files) is None
     wanted = 0.9 * FrictionModel.load(MODELS[2]).breakaway.positive_mean
-    assert after == [pytest.approx(wanted, rel=1e-3), pytest.approx(before[1], abs=1e-6)]
+    assert settled(driver, 1) == [
+        pytest.approx(wanted, rel=1e-3), pytest.approx(before[1], abs=1e-6)]
 
 
-def test_diagnostics_report_each_law_and_state_however_short(tmp_path):
-    # From these, a recording shows when which law and model were used. What changes is said between
-    # the reports of each second, too.
-    with compensator(tmp_path, period=1.0) as driver:
-        probe = driver.probe
-        probe.status_of('compensator')
-        messages, laws = probe.heard['/diagnostics'], ['none', 'kinetic', 'continuous', 'none']
-        for law in laws:
-            assert probe.set_parameter('compensator', 'law', law) is None
-        for transition in ('deactivate', 'activate', 'deactivate'):
-            assert probe.transition('compensator', transition)
-        used = [('active', law) for law in laws] + [
-            (state, 'none') for state in ('inactive', 'active', 'inactive')]
-
-        def all_reported_in_order():
-            values = ({v.key: v.value for v in status.values} for message in messages
-                      for status in message.status if status.name.startswith('compensator:'))
-            reported = ((one['state'], one['law']) for one in values)
-            return all(pair in reported for pair in used)
-        probe.until(all_reported_in_order, 'laws and states in diagnostics')
-        assert value_of(probe.status_of('compensator'), 'settings') == ''
-        assert probe.set_parameter('compensator', 'breakaway_gain', 0.5) is None
-        probe.status_of('compensator', lambda status: value_of(
-            status, 'settings') == 'breakaway_gain 0.5')
+@pytest.mark.parametrize('notes', [
+    {'verdict': 'trust in part', 'reasons': ['It falls.'], 'warnings': ['old']},
+    {'verdict': 'record again', 'reasons': ['It falls.']}, {'warnings': ['It falls.']}])
+def test_what_a_file_says_against_its_model_is_told(driver, tmp_path, notes):
+    replace(FrictionModel.load(MODELS[0]), notes=notes).save(tmp_path / 'elbow.yaml')
+    probe = driver.probe
+    assert probe.set_parameter('compensator', 'accept_record_again', True) is None
+    assert probe.set_parameter(
+        'compensator', 'model_files', [str(tmp_path / 'elbow.yaml'), MODELS[1]]) is None
+    driver.ask(ZERO, ZERO)
+    status = probe.status_of('compensator', lambda status: (
+        status.level == b'\x01' and 'elbow: ' in status.message
+        and ': It falls' in status.message))
+    assert 'It falls' in value_of(status, 'said of the models')
+    assert 'old' not in value_of(status, 'said of the models')
+    probe.until(lambda: 'It falls' in driver.process.text, 'a line in the log')
 
 
-def test_effects_whose_signal_is_missing_are_named_with_the_reason(tmp_path):
-    """Never received, there, stale, there again; and a load, which this node never measures."""
-    warm = FrictionModel.load(MODELS[0]).to_dict()
-    FrictionModel.from_dict({**warm, 'effects': [
-        {'name': 'temperature', 'parameters': {
-            'coefficients': [0.01, 0.0, 0.0], 'reference_temperature': 25.0, 'transition': 0.02}},
-        {'name': 'load_friction', 'parameters': {
-            'coefficients': [0.02], 'exponent': 1.0, 'transition': 0.02}}]}).save(
-                tmp_path / 'warm.yaml')
-    base = 10_000_000_000
+def test_diagnostics_report_each_law_and_state_however_short(driver):
+    """A recording shows by them when which law and model were used."""
+    probe, laws = driver.probe, ['none', 'kinetic', 'continuous', 'none']
+    probe.status_of('compensator')
+    messages = probe.heard['/diagnostics']
+    for law in laws:
+        assert probe.set_parameter('compensator', 'law', law) is None
+    for transition in ('deactivate', 'activate'):
+        assert probe.transition('compensator', transition)
+    used = [('active', law) for law in laws] + [('inactive', 'none'), ('active', 'none')]
 
-    def at(second):
-        """Set the clock; return the stamp."""
-        stamp = base + round(second * 1e9)
-        clock.publish(tick(stamp))
-        return stamp
+    def all_reported_in_order():
+        values = ({v.key: v.value for v in status.values} for message in messages
+                  for status in message.status if status.name.startswith('compensator:'))
+        reported = ((one['state'], one['law']) for one in values)
+        return all(pair in reported for pair in used)
+    probe.until(all_reported_in_order, 'laws and states in diagnostics')
+    assert probe.set_parameter('compensator', 'breakaway_gain', 0.5) is None
+    probe.status_of('compensator', lambda status: value_of(
+        status, 'settings') == 'breakaway_gain 0.5')
 
-    def measure(second, degrees):
-        message = Temperature(temperature=degrees)
-        message.header.frame_id = 'elbow'
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(
-            base + round(second * 1e9), 1_000_000_000)
-        thermometer.publish(message)
 
-    def move(second, words):
-        """Move at 0.5 rad/s until the diagnostics meet the words; return them and the current."""
-        for k in range(400):
-            t = second + 0.001 * k
-            command = driver.ask([0.5 * t, -0.5 * t], [0.5, -0.5], at(t))
-            if k % 20 == 19:
-                said = value_of(probe.status_of('compensator'), 'left_out')
-                if [word in said for word in words] == list(words.values()):
-                    return said, command[0]
-        raise AssertionError(f'{said!r} does not meet {words}')
+@pytest.mark.parametrize(('name', 'value'), [
+    ('law', 'magic'), ('breakaway_gain', 1.1), ('breakaway_gain', -0.1),
+    ('current_limit', -1.0), ('joints', ['other', 'names']), ('joint_state_timeout', 1.0),
+    ('direction_timeout', 0.0), ('breakaway_gain', 'much')])
+def test_refuses_parameters_that_make_no_sense(shared_compensator, name, value):
+    probe = shared_compensator.probe
+    before = probe.get_parameter_of('compensator', name)
+    assert probe.set_parameter('compensator', name, value)
+    assert probe.get_parameter_of('compensator', name) == before
 
-    with own_domain(), probe_node() as probe, Process(tmp_path, 'compensator', {
-            **START, 'model_files': [str(tmp_path / 'warm.yaml'), MODELS[1]], 'law': 'kinetic',
-            'use_sim_time': True}):
-        driver = FakeDriver(probe, JOINTS)
-        clock = probe.talk(Clock, '/clock', RELIABLE)
-        thermometer = probe.talk(Temperature, 'motor_temperature', RELIABLE)
-        for publisher in (clock, thermometer):
-            probe.matched(publisher)
-        driver.find(lambda: at(-1.0))
-        driver.begin_anew()
-        text, alone = move(0.0, {'temperature': True, 'no motor_temperature received': True,
-                                 'load is not measured here': True})
-        assert text.count('elbow: ') == 2
-        assert 'shoulder' not in text
-        # 0.01 A per kelvin from 25 °C on, which fades in.
-        measure(0.5, 35.0)
-        assert move(1.0, {'temperature': False, 'load_friction': True})[1] == pytest.approx(
-            alone + 0.1, abs=0.01)
-        for _ in range(10):
-            # By default a node subscribes to /clock with best effort.
-            at(61.0)
-            probe.spin_for(0.02)
-        assert move(61.0, {'last motor_temperature is 6': True, 'load_friction': True})[
-            1] == pytest.approx(alone, abs=0.01)
-        measure(61.9, 15.0)
-        assert move(62.0, {'temperature': False, 'load_friction': True})[1] == pytest.approx(
-            alone - 0.1, abs=0.01)
+
+def test_the_current_limit_holds_and_a_weight_beyond_it_is_told(driver, tmp_path):
+    probe, path = driver.probe, tmp_path / 'heavy.yaml'
+    assert probe.set_parameter('compensator', 'current_limit', 0.05) is None
+    driver.announce([1, -1])
+    np.testing.assert_allclose(driver.ask(ZERO, ZERO), [0.05, -0.05])
+    path.write_text(str({**FrictionModel.load(MODELS[0]).to_dict(), **HEAVY}))
+    assert probe.set_parameter('compensator', 'model_files', [str(path), MODELS[1]]) is None
+    driver.begin_anew()
+    driver.ask(ZERO, ZERO)
+    words = 'gravity needs 0.1 A, more than the limit of 0.05 A'
+    status = probe.status_of('compensator', lambda status: words in status.message)
+    assert float(value_of(status, 'elbow: guard: not carried')) == pytest.approx(0.05)
+    probe.until(lambda: 'its weight takes up to 0.1 A' in driver.process.text, 'a line in the log')
+    assert probe.set_parameter('compensator', 'current_limit', 0.0) is None
+    driver.announce([1, -1])
+    assert driver.ask(ZERO, ZERO) == ZERO, '0 is no other word for no limit'
+    assert probe.set_parameter('compensator', 'current_limit', 1000.0) is None
+    assert settled(driver)[0] > 0.05
+
+
+def test_a_stamped_direction_has_the_planners_age(driver):
+    planner = driver.probe.talk(JointState, 'direction_stamped')
+    driver.probe.matched(planner)
+
+    def say(age, *velocity):
+        now = time.time_ns()
+        planner.publish(joint_state(now - round(age * 1e9), JOINTS, ZERO, velocity))
+        return now
+
+    def turned():
+        return np.sign(driver.ask(ZERO, ZERO, say(0.0, 3.0, -2.0))).tolist() == [1.0, -1.0]
+    driver.probe.until(turned, 'the direction')
+    # Older than what is known: it was overtaken.
+    assert np.sign(driver.ask(ZERO, ZERO, say(59.0, -1.0, -1.0))).tolist() == [1.0, -1.0]
+    command = driver.ask(ZERO, ZERO, say(-600.0, 1.0, 1.0))
+    assert np.abs(command).max() < 0.01, 'nobody knows how old it is'
+
+
+def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
+    probe = driver.probe
+
+    def reset():
+        return probe.call(Trigger, '/compensator/reset_faults', Trigger.Request())
+    # The first call establishes the connection for the measured one.
+    assert reset().message == 'nothing was latched'
+    end = time.monotonic() + ALONE + 1.0
+    while time.monotonic() < end:
+        driver.announce([1, 1])
+        assert driver.ask(ZERO, ZERO)[0] > 0.05
+        probe.spin_for(0.02)
+    other = probe.create_publisher(Float64MultiArray, 'current_command', RELIABLE)
+    try:
+        probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
+        status = probe.status_of('compensator', lambda s: 'latched' in s.message)
+        assert 'may command' in status.message
+    finally:
+        probe.destroy_publisher(other)
+    driver.commands.clear()
+    # It sends no commands until it knows that there is no other commander.
+    driver.find()
+    assert not any(any(command.data) for command in driver.commands)
+    assert probe.status_of('compensator', lambda s: s.message.endswith('(latched)'))
+    assert 'may command' in reset().message
+    driver.find(direction=[1, 1])
+    assert driver.process.text.count('stays until') == 1
+
+
+def test_two_publishers_of_one_joint_are_named(driver):
+    """Each of them has a driver's stamps; neither says a position that cannot be."""
+    with probe_node() as other:
+        rival = other.talk(JointState, 'joint_states', RELIABLE)
+        other.matched(rival)
+        told = []
+
+        def named():
+            """Both publish, until the compensator has found out who they are."""
+            rival.publish(joint_state(time.time_ns(), JOINTS, [0.3, 0.3]))
+            driver.announce([1, 1])
+            told.append(driver.ask(ZERO, ZERO))
+            return any(status.message.count('/probe_') == 2
+                       and 'elbow, shoulder come from several publishers' in status.message
+                       for message in diagnostics for status in message.status)
+        diagnostics = driver.probe.listen(DiagnosticArray, '/diagnostics')
+        driver.probe.until(named, 'the names of both')
+        assert told[-1] == ZERO
+    # A single publisher is accepted after a second.
+    driver.probe.until(lambda: driver.announce([1, 1]) or driver.ask(ZERO, ZERO)[0] > 0.05,
+                       'a current')
+
+
+def test_planners_that_contradict_each_other_give_no_direction(driver):
+    assert driver.probe.set_parameter('compensator', 'direction_timeout', 0.4) is None
+    currents = []
+    with probe_node() as other:
+        rival = other.talk(Int8MultiArray, 'direction', RELIABLE)
+        other.matched(rival)
+
+        def ignored():
+            """Both announce, until neither has had a current for a while, and it is said why."""
+            for publisher, value in ((driver.directions, 1), (rival, -1)):
+                publisher.publish(Int8MultiArray(data=array('b', [value, value])))
+                driver.probe.spin_for(0.05)
+                currents.append(driver.ask(ZERO, ZERO)[0])
+            return len(currents) > 10 and np.abs(currents[-10:]).max() < 0.01 and any(
+                all(words in status.message for words in (
+                    'elbow', 'contradict each other', '/probe_'))
+                for message in diagnostics for status in message.status)
+        diagnostics = driver.probe.listen(DiagnosticArray, '/diagnostics')
+        driver.probe.until(ignored, 'zero current')
+    # A single publisher is accepted when the conflict is over.
+    driver.probe.until(lambda: driver.announce([1, 1]) or driver.ask(ZERO, ZERO)[0] > 0.05,
+                       'a current')
+
+
+def test_requests_that_cannot_be_met_are_refused_while_the_motor_is_driven(driver):
+    driver.announce([1, 1])
+    before = driver.ask(ZERO)
+    assert min(before) > 0.05
+    for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE,
+                   Transition.TRANSITION_CLEANUP, 250):
+        request = ChangeState.Request(transition=Transition(id=number))
+        assert not driver.probe.call(
+            ChangeState, '/compensator/change_state', request).success
+        driver.announce([1, 1])
+        assert driver.ask(ZERO) == before
+    unknown = [Parameter(name='law', value=ParameterValue(type=77))]
+    answer = driver.probe.call(SetParameters, '/compensator/set_parameters',
+                               SetParameters.Request(parameters=unknown))
+    assert not answer.results[0].successful
+    assert '77' in answer.results[0].reason
+    answer = driver.probe.call(
+        SetParametersAtomically, '/compensator/set_parameters_atomically',
+        SetParametersAtomically.Request(parameters=unknown))
+    assert not answer.result.successful
+    # Bytes that are no joint state, and one whose name is no text.
+    for data in (b'\x00\x01\x00\x00\x01', bytes.fromhex(
+            '00010000000000000000000001000000000000000100000002000000ff000000')):
+        driver.states.publish(data)
+    driver.announce([1, 1])
+    assert driver.ask(ZERO) == before
+    assert driver.process.running
+    assert 'was refused' in driver.process.text
+
+
+@pytest.mark.parametrize('number', [signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU])
+def test_a_stopped_node_leaves_zero_current_and_forgets_what_it_missed(driver, number):
+    driver.find(direction=[1, 1])
+    status = Path(f'/proc/{driver.process._process.pid}/status')
+    driver.process.send(number)
+    driver.probe.until(lambda: 'T (stopped)' in status.read_text(), 'a stopped process')
+    driver.probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
+    # Without a stamp, a joint state counts from when it is read.
+    driver.announce([1, 1])
+    for _ in range(20):
+        driver.states.publish(joint_state(0, JOINTS, ZERO))
+    said, count = driver.process.text.count('begins anew'), len(driver.commands)
+    driver.process.send(signal.SIGCONT)
+    driver.probe.until(lambda: driver.process.text.count('begins anew') > said, 'the node')
+    driver.probe.spin_for(0.5)
+    assert not any(any(command.data) for command in driver.commands[count:])
 
 
 def test_in_simulated_time_a_state_waits_for_the_direction_of_its_tick(tmp_path):
@@ -235,87 +386,137 @@ def test_in_simulated_time_a_state_waits_for_the_direction_of_its_tick(tmp_path)
         driver.find(lambda: at(3_000_000_000))
 
 
-@pytest.mark.parametrize(('name', 'value'), [
-    ('law', 'magic'), ('breakaway_gain', 1.1), ('breakaway_gain', -0.1),
-    ('current_limit', -1.0), ('joints', ['other', 'names']), ('joint_state_timeout', 1.0),
-    ('direction_timeout', 0.0), ('breakaway_gain', 'much')])
-def test_refuses_parameters_that_make_no_sense(shared_compensator, name, value):
-    probe = shared_compensator.probe
-    before = probe.get_parameter_of('compensator', name)
-    assert probe.set_parameter('compensator', name, value)
-    assert probe.get_parameter_of('compensator', name) == before
+def test_waits_for_its_manager_without_autostart(tmp_path):
+    with probe_node() as probe, Process(
+            tmp_path, 'compensator', {**START, 'autostart': False}, {'__node': 'managed'}):
+        assert probe.state_of('managed') == 'unconfigured'
+        assert probe.transition('managed', 'configure')
+        assert probe.state_of('managed') == 'inactive'
+        assert probe.transition('managed', 'shutdown')
+        assert probe.state_of('managed') == 'finalized'
 
 
-def test_a_model_in_another_unit_is_refused_while_the_motor_is_driven(driver, tmp_path):
-    before = driver.ask(ZERO, ZERO)
-    model = FrictionModel.load(MODELS[0])
-    for unit, word in (('LSB', 'LSB'), ('N·m', 'command_interface')):
-        model.notes = {'unit': unit}
-        model.save(tmp_path / 'elbow.yaml')
-        why = driver.probe.set_parameter(
-            'compensator', 'model_files', [str(tmp_path / 'elbow.yaml'), MODELS[1]])
-        assert word in why
-    assert driver.ask(ZERO, ZERO) == before
+def test_a_time_before_zero_on_the_clock_is_ignored(tmp_path):
+    with own_domain(), probe_node() as probe, Process(tmp_path / 'one', 'compensator', {
+            'joints': JOINTS, 'model_files': MODELS[:2], 'use_sim_time': True}) as first, Process(
+                tmp_path / 'two', 'recorder', {
+                    'output': str(tmp_path / 'recording'), 'use_sim_time': True}) as second:
+        ticks = probe.talk(Clock, '/clock')
+        def answered(process):
+            ticks.publish(tick(-5 * 10**9))
+            return 'message on /clock was ignored' in process.text
+
+        # What is sent before both ends have discovered each other is lost.
+        for process in (first, second):
+            probe.until(lambda process=process: answered(process), 'the word')
+            assert process.running
 
 
-@pytest.mark.parametrize('notes', [
-    {'verdict': 'trust in part', 'reasons': ['The weight is not carried.'], 'warnings': ['old']},
-    {'warnings': ['The weight is not carried.']}])
-def test_what_a_file_says_against_its_model_is_told(driver, tmp_path, notes):
-    replace(FrictionModel.load(MODELS[0]), notes=notes).save(tmp_path / 'elbow.yaml')
-    probe = driver.probe
-    assert probe.set_parameter(
-        'compensator', 'model_files', [str(tmp_path / 'elbow.yaml'), MODELS[1]]) is None
-    driver.ask(ZERO, ZERO)
-    status = probe.status_of('compensator', lambda status: (
-        status.level == b'\x01' and 'elbow: ' in status.message
-        and ': The weight is not carried' in status.message))
-    assert 'The weight is not carried' in value_of(status, 'said of the models')
-    assert 'old' not in value_of(status, 'said of the models')
-    probe.until(lambda: 'The weight is not carried' in driver.process.text, 'a line in the log')
+@pytest.fixture
+def hasty(tmp_path):
+    """One that soon takes silence for a fault, and prints into a pipe that nobody reads."""
+    pipe = tmp_path / 'pipe'
+    os.mkfifo(pipe)
+    end = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
+    for size in (4096, 1):
+        try:
+            while True:
+                os.write(end, size * b'.')
+        except BlockingIOError:
+            pass
+    with own_domain(), probe_node() as probe, Process(tmp_path / 'run', 'compensator', {
+            **START, 'joint_state_timeout': 0.3}, error=pipe) as process:
+        driver = FakeDriver(probe, JOINTS)
+        driver.process = process
+        driver.find(direction=[1, 1])
+        yield driver
+    os.close(end)
 
 
-def test_a_model_to_be_recorded_again_is_taken_only_if_asked_for(driver, tmp_path):
-    replace(FrictionModel.load(MODELS[0]), notes={
-        'verdict': 'record again', 'reasons': ['Too short.']}).save(tmp_path / 'elbow.yaml')
-    files = [str(tmp_path / 'elbow.yaml'), MODELS[1]]
-    probe, before = driver.probe, driver.ask(ZERO, ZERO)
-    assert 'Too short' in probe.set_parameter('compensator', 'model_files', files)
-    assert driver.ask(ZERO, ZERO) == before
-    assert probe.set_parameter('compensator', 'accept_record_again', True) is None
-    assert probe.set_parameter('compensator', 'model_files', files) is None
-    assert probe.status_of('compensator', lambda status: (
-        status.level == b'\x01' and 'Too short' in status.message))
+def test_silence_gives_zero_current_also_where_nobody_reads_the_log(hasty):
+    """Each wrong state is a line in the log; none of them delays an answer, the zero or the end."""
+    longest = 0.0
+    for wrong in (float('nan'), float('inf'), 1e300) * 40:
+        begin = time.monotonic()
+        hasty.ask([0.0, wrong], ZERO)
+        longest = max(longest, time.monotonic() - begin)
+    assert longest < 0.3
+    hasty.find(direction=[1, 1])
+    begin = time.monotonic()
+    hasty.probe.until(lambda: unasked(hasty.commands[-1]), 'a command of its own accord')
+    assert time.monotonic() - begin < 0.5
+    assert list(hasty.commands[-1].data) == ZERO
+    assert hasty.probe.status_of('compensator', lambda s: (
+        s.level == b'\x02' and 'no joint_states' in s.message))
+    hasty.process.send(signal.SIGTERM)
+    assert hasty.process.wait() == 0
 
 
-def test_a_weight_beyond_the_limit_is_said_before_and_while_it_is_not_supported(driver, tmp_path):
-    model = FrictionModel.load(MODELS[0]).to_dict()
-    FrictionModel.from_dict({**model, 'effects': [{'name': 'gravity', 'parameters': {
-        'coefficients': [0.1, 0.0]}}]}).save(tmp_path / 'heavy.yaml')
-    probe = driver.probe
-    assert probe.set_parameter('compensator', 'current_limit', 0.05) is None
-    assert probe.set_parameter(
-        'compensator', 'model_files', [str(tmp_path / 'heavy.yaml'), MODELS[1]]) is None
-    assert 'in some postures its weight takes up to 0.1 A' in driver.process.text
-    driver.begin_anew()
-    driver.ask(ZERO, ZERO)
-    words = 'gravity needs 0.1 A, more than the limit of 0.05 A'
-    status = probe.status_of('compensator', lambda status: words in status.message)
-    values = {value.key: value.value for value in status.values}
-    assert 'more than the limit' in values['left_out']
-    assert float(values['elbow: guard: not carried']) == pytest.approx(0.05)
+def test_an_interrupt_leaves_zero_current(tmp_path):
+    """With default quality of service, the node hears a best-effort driver."""
+    with own_domain(), probe_node() as probe, Process(
+            tmp_path, 'compensator', {'joints': JOINTS, 'model_files': MODELS[:2], 'law': 'paper'},
+            fresh=True) as process:
+        driver = FakeDriver(probe, JOINTS, BEST_EFFORT)
+        driver.find(direction=[1, 1])
+        process.send()
+        assert process.wait() == 0
+        probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
+        assert 'Traceback' not in process.text
 
 
-def test_the_current_limit_holds(driver):
-    assert driver.probe.set_parameter('compensator', 'current_limit', 0.05) is None
-    driver.announce([1, -1])
-    np.testing.assert_allclose(driver.ask([0.0, 0.0], ZERO), [0.05, -0.05])
-    assert driver.probe.set_parameter('compensator', 'current_limit', 0.0) is None
-    driver.announce([1, -1])
-    assert driver.ask([0.0, 0.0], ZERO) == ZERO, '0 is no other word for no limit'
-    assert driver.probe.set_parameter('compensator', 'current_limit', 1000.0) is None
-    driver.announce([1, -1])
-    base = time.time_ns()
-    for k in range(20):
-        command = driver.ask([0.0, 0.0], ZERO, base + k * 50_000_000)
-    assert command[0] > 0.05
+@pytest.mark.parametrize('number', [
+    None, signal.SIGTERM, signal.SIGHUP, signal.SIGTRAP, signal.SIGRTMIN + 1])
+def test_a_listener_that_pauses_hears_the_last_zero(tmp_path, number):
+    """However the compensator ends, or is deactivated."""
+    with compensator(tmp_path / 'one', [1, 1]) as driver, Process(tmp_path / 'two', 'plant', {
+            'joints': JOINTS, 'model_files': MODELS[:2], 'command_timeout': 10.0,
+            'sample_time': 0.01}, {'joint_states': 'states_of_plant'}) as plant:
+        probe = driver.probe
+
+        def commanded():
+            driver.announce([1, 1])
+            driver.ask(ZERO, ZERO)
+            return float(value_of(probe.status_of('plant'), 'elbow: command [A]')) > 0.05
+        probe.until(commanded, 'a current in the plant')
+        plant.send(signal.SIGSTOP)
+        driver.announce([1, 1])
+        assert driver.ask(ZERO, ZERO)[0] > 0.05
+        if number is None:
+            driver.probe.begin_transition('compensator', 'deactivate')
+        else:
+            driver.process.send(number)
+        probe.spin_for(1.6)
+        plant.send(signal.SIGCONT)
+        probe.status_of('plant')
+        assert float(value_of(probe.status_of('plant'), 'elbow: command [A]')) == 0.0
+        if number is not None:
+            assert driver.process.wait() == 0
+        assert 'not acknowledged' not in driver.process.text
+
+
+def test_a_zero_that_nobody_acknowledges_is_told(tmp_path):
+    with compensator(tmp_path / 'one', [1, 1]) as driver, Process(tmp_path / 'two', 'recorder', {
+            'output': str(tmp_path / 'recording')}) as stopped:
+        probe = driver.probe
+        probe.until(lambda: (driver.ask(ZERO, ZERO), int(value_of(probe.status_of(
+            'compensator'), 'listeners to the command')))[1] > 1, 'a second listener')
+        stopped.send(signal.SIGSTOP)
+        driver.ask(ZERO, ZERO)
+        driver.process.send()
+        assert driver.process.wait() == 0
+        assert 'zero, was not acknowledged within 2 s' in driver.process.text
+        stopped.send(signal.SIGCONT)
+
+
+def test_what_drives_a_motor_has_no_memory_in_common_with_those_who_listen(driver):
+    """A listener that is stopped with the lock of such memory would stop its publishers, too."""
+    folder = f'/proc/{driver.process._process.pid}/fd'
+    files = []
+    for end in os.listdir(folder):
+        try:
+            files.append(os.readlink(f'{folder}/{end}'))
+        except OSError:
+            continue
+    assert files
+    assert not [file for file in files if file.startswith('/dev/shm/fastrtps')]

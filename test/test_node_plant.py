@@ -111,63 +111,48 @@ def test_lockstep_steps_once_for_each_command_as_the_plain_joint_does(tmp_path):
         assert value_of(status, 'commands not usable') == '3'
 
 
-def test_a_command_that_answers_another_state_is_passed_over(tmp_path):
-    with plant(tmp_path) as commander:
-        commander.find()
-        first = commander.stamps()[-1]
-        for value, stamp in ((0.01, first), (0.02, first), (0.03, first + 1_000_000)):
-            commander.command(value, labels=[stamp])
-        commander.probe.until(
-            lambda: commander.stamps()[-1] == first + 2_000_000, 'the third state')
-        # The second command repeated an answer; what was taken last is the third.
-        status = commander.probe.status_of('plant')
-        assert value_of(status, 'elbow: command [A]') == '0.03'
-
-
-def test_a_plant_that_waits_for_reference_or_announcement_stands_still_without_it(tmp_path):
-    with plant(tmp_path, wait_for_reference=True) as commander:
+def test_a_plant_waits_for_its_listeners_and_the_reference_and_direction_of_a_tick(tmp_path):
+    with probe_node() as late, plant(
+            tmp_path, wait_for_reference=True, wait_for_listeners=2) as commander:
         probe = commander.probe
-        references = probe.talk(JointState, 'reference')
-        probe.matched(commander.port)
-        probe.matched(references)
+        references, said = (
+            probe.talk(JointState, name) for name in ('reference', 'direction_stamped'))
+        for publisher in (commander.port, references, said):
+            probe.matched(publisher)
+        probe.status_of('plant', lambda status: '1 of 2' in value_of(status, 'waits for'))
+        states = late.listen(JointState, 'joint_states')
         probe.until(lambda: commander.ticks, 'a tick')
-        probe.spin_for(0.5)
-        assert not commander.states
         tick = commander.ticks[-1].clock
         begin = nanoseconds(tick)
         references.publish(joint_state(begin - 10_000_000, ['elbow'], [0.5]))
-        probe.spin_for(0.3)
+        late.spin_for(0.3)
+        assert not states
         assert not commander.states
         probe.until(lambda: commander.states or references.publish(
             joint_state(begin, ['elbow'], [0.5])), 'the first state')
+        late.until(lambda: states, 'the first state')
+        assert states[0].header.stamp == commander.states[0].header.stamp
         for _ in range(9):
             commander.step(0.0)
+        # Another state's answer is passed over.
+        commander.command(0.03, labels=[begin])
         commander.command(0.0)
         probe.until(lambda: commander.ticks[-1].clock != tick, 'the next tick')
-        count = len(commander.stamps())
-        probe.spin_for(0.3)
-        assert len(commander.stamps()) == count == 10
         # The person leans on the joint, half a radian behind the reference.
-        torque = [m.wrench.torque.z for m in commander.wrenches]
-        assert torque[-1] > 0.01
-        assert probe.set_parameter('plant', 'wait_for_reference', False) is None
-        probe.until(lambda: len(commander.stamps()) == 11, 'the next state')
-        # An announcement is waited for once one was heard.
-        said = probe.talk(JointState, 'direction_stamped')
-        probe.matched(said)
+        assert commander.wrenches[-1].wrench.torque.z > 0.01
+        said.publish(joint_state(begin, ['elbow'], [0.0]))
         assert probe.set_parameter('plant', 'wait_for_direction', True) is None
-        for _ in range(9):
-            # What is sent before both ends have discovered each other is lost.
-            said.publish(joint_state(begin, ['elbow'], [0.0]))
+        references.publish(joint_state(begin + 10_000_000, ['elbow'], [0.5]))
+        # An announcement is waited for once one was heard.
+        probe.status_of('plant', lambda one: value_of(one, 'waits for') == 'direction_stamped')
+        assert len(commander.stamps()) == 10
+        said.publish(joint_state(begin + 10_000_000, ['elbow'], [0.0]))
+        probe.until(lambda: len(commander.stamps()) == 11, 'the next state')
+        assert probe.set_parameter('plant', 'wait_for_reference', False) is None
+        assert probe.set_parameter('plant', 'wait_for_direction', False) is None
+        assert probe.set_parameter('plant', 'pace', 0.02) is None
+        for _ in range(12):
             commander.step(0.0)
-        commander.command(0.0)
-        probe.until(lambda: nanoseconds(commander.ticks[-1].clock) == begin + 20_000_000, 'a tick')
-        probe.spin_for(0.3)
-        assert len(commander.stamps()) == 20
-        status = probe.status_of('plant')
-        assert value_of(status, 'waits for') == 'direction_stamped'
-        said.publish(joint_state(begin + 20_000_000, ['elbow'], [0.0]))
-        probe.until(lambda: len(commander.stamps()) == 21, 'the next state')
 
 
 def test_a_pace_holds_simulated_time_to_it_and_does_not_make_up_for_a_long_wait():
@@ -182,30 +167,6 @@ def test_a_pace_holds_simulated_time_to_it_and_does_not_make_up_for_a_long_wait(
     # No messages for ten seconds, then those of 0.2 s at once.
     assert steps(0.5, 22.0, 23.0) == pytest.approx(50 + 0.5 * 20, abs=2)
     assert steps(0.0, 23.0, 24.0) == 1000
-
-
-def test_lockstep_with_a_pace_goes_on_and_takes_another_while_it_runs(tmp_path):
-    with plant(tmp_path, pace=0.02) as commander:
-        commander.find()
-        # Three ticks and more.
-        for _ in range(30):
-            commander.step(0.0)
-        assert commander.probe.set_parameter('plant', 'pace', 0.0) is None
-        commander.step(0.0)
-
-
-def test_time_begins_when_all_listeners_are_there(tmp_path):
-    with probe_node() as late, plant(tmp_path, wait_for_listeners=2) as commander:
-        probe = commander.probe
-        probe.matched(commander.port)
-        probe.status_of('plant', lambda status: '1 of 2' in value_of(status, 'waits for'))
-        assert not commander.states
-        states = late.listen(JointState, 'joint_states')
-        late.until(lambda: states, 'the first state')
-        probe.until(lambda: commander.states, 'the first state')
-        assert states[0].header.stamp == commander.states[0].header.stamp
-        commander.step(0.0)
-        late.until(lambda: states[-1] == commander.states[-1], 'the second state')
 
 
 def test_real_time_runs_by_itself_and_forgets_old_commands(tmp_path):
@@ -307,47 +268,6 @@ def test_an_exercise_follows_the_ticks_and_announces_each_joint(
         assert process.wait() == 0
 
 
-def test_the_exercise_runs_by_its_timer_and_keeps_the_direction_to_itself(tmp_path):
-    with probe_node() as probe, Process(tmp_path, 'exercise', {
-            'joints': ['elbow'], 'announce_direction': False, 'amplitude': 0.05, 'speed': 0.5,
-            # On a busy machine, no tick may come for a while.
-            'acceleration_time': 0.05, 'standstill': 2.0, 'announcement': 0.1,
-            'repetitions': 1}):
-        states = probe.talk(JointState, 'joint_states', RELIABLE)
-        references = probe.listen(JointState, 'reference')
-        directions = probe.listen(Int8MultiArray, 'direction')
-
-        def moved():
-            states.publish(joint_state(time.time_ns(), ['elbow'], [0.3]))
-            probe.spin_for(0.02)
-            return any(m.position and m.position[0] > 0.34 for m in references)
-        probe.until(moved, 'the movement')
-        probe.until(lambda: references[-1].position[0] == pytest.approx(0.3), 'its end')
-        assert {tuple(m.data) for m in directions} == {(0,)}
-        status = probe.status_of('exercise', lambda s: s.message == 'done')
-        assert [value_of(status, f'elbow: {what}') for what in (
-            'reference [rad]', 'reference velocity [rad/s]', 'direction')] == ['0.3', '0', '0']
-
-
-def test_the_exercise_names_the_joint_it_waits_for_and_takes_it_from_any_driver(tmp_path):
-    with probe_node() as probe, Process(tmp_path, 'exercise', {
-            'joints': JOINTS, 'amplitude': 0.05, 'speed': 0.5, 'acceleration_time': 0.05,
-            'standstill': 0.1, 'announcement': 0.1}):
-        states = probe.talk(JointState, 'joint_states', RELIABLE)
-        references = probe.listen(JointState, 'reference')
-        probe.matched(states)
-
-        def tell(*joints):
-            for joint in joints:
-                states.publish(joint_state(time.time_ns(), [joint], [0.3]))
-            probe.spin_for(0.02)
-        status = probe.status_of('exercise', lambda s: tell('elbow') or 'shoulder' in s.message)
-        assert status.message == 'waits for a position of shoulder: joint_states hold elbow'
-        probe.until(lambda: tell('elbow', 'shoulder') or any(m.name for m in references),
-                    'the movement')
-        assert list(references[-1].name) == JOINTS
-
-
 def test_a_cheap_sensor_measures_the_person_and_fails_on_request(tmp_path):
     with plant(tmp_path, sensor='force') as hand:
         values = hand.probe.listen(Float64MultiArray, 'sensor')
@@ -373,3 +293,25 @@ def test_a_cheap_sensor_measures_the_person_and_fails_on_request(tmp_path):
         scatter(20, 0.4)
         _, rows = scatter(60, 0.4)
         assert len(set(rows[:, 0])) == 1
+
+
+def test_an_exercise_by_its_timer_takes_the_joints_of_any_driver(tmp_path):
+    """It names the joint it waits for, and keeps the direction to itself if it is told to."""
+    with probe_node() as probe, Process(tmp_path, 'exercise', {
+            'joints': JOINTS, 'announce_direction': False, 'amplitude': 0.05, 'speed': 0.5,
+            'acceleration_time': 0.05, 'standstill': 0.5, 'announcement': 0.1, 'repetitions': 1}):
+        states = probe.talk(JointState, 'joint_states', RELIABLE)
+        references = probe.listen(JointState, 'reference')
+        directions = probe.listen(Int8MultiArray, 'direction')
+
+        def tell(*joints):
+            for joint in joints:
+                states.publish(joint_state(time.time_ns(), [joint], [0.3]))
+            probe.spin_for(0.02)
+        status = probe.status_of('exercise', lambda s: tell('elbow') or 'shoulder' in s.message)
+        assert status.message == 'waits for a position of shoulder: joint_states hold elbow'
+        probe.until(lambda: tell(*JOINTS) or any(
+            m.position and m.position[0] > 0.34 for m in references), 'the movement')
+        status = probe.status_of('exercise', lambda s: s.message == 'done')
+        assert value_of(status, 'elbow: reference [rad]') == '0.3'
+        assert {tuple(m.data) for m in directions} == {(0, 0)}

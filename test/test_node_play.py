@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trajectories over DDS, and robots that take a torque at the joint instead of a motor current."""
+"""Trajectories over DDS, their ends, and robots that take a torque instead of a current."""
 
 from dataclasses import replace
+import signal
 import sys
-import threading
 import time
 from types import SimpleNamespace
 
@@ -12,9 +12,10 @@ from friction_comp_interfaces.action import PlayTrajectory
 from node_process import Process, ROOT
 import numpy as np
 import pytest
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
-from ros_system import compensator, FakeDriver, joint_state, MODELS, probe_node, RELIABLE, value_of
-from sensor_msgs.msg import JointState
+from ros_system import compensator, FakeDriver, MODELS, own_domain, probe_node, value_of
 import yaml
 
 from friction_comp.__main__ import run
@@ -27,8 +28,9 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.goals import make_trajectory
 from friction_comp.recordings import read_recording
 from friction_comp.ros import tool_client
+from friction_comp.ros.executor import yield_to_executor
 from friction_comp.ros.joint_io import command_unit
-from friction_comp.ros.tool_client import message_of, ToolClient
+from friction_comp.ros.tool_client import message_of
 from friction_comp.topics import TORQUE_UNIT
 
 JOINT = 'shoulder_pan_joint'
@@ -132,48 +134,6 @@ def test_without_the_type_of_trajectory_controllers_the_tool_says_what_to_instal
     assert 'install ros-jazzy-control-msgs' in capsys.readouterr().err
 
 
-def test_a_robots_controller_gets_all_joints_and_time_to_reach_the_first_point():
-    action = pytest.importorskip('control_msgs.action', reason='control_msgs is not installed')
-    from rclpy.action import ActionServer, GoalResponse
-
-    received, shares = [], []
-
-    def execute(handle):
-        received.append(handle.request.trajectory)
-        feedback = action.FollowJointTrajectory.Feedback()
-        feedback.desired.time_from_start = handle.request.trajectory.points[-1].time_from_start
-        handle.publish_feedback(feedback)
-        handle.succeed()
-        return action.FollowJointTrajectory.Result()
-
-    def judge(request):
-        known = request.trajectory.joint_names == [JOINT]
-        return GoalResponse.ACCEPT if known else GoalResponse.REJECT
-    with probe_node() as robot:
-        states = robot.talk(JointState, 'joint_states', RELIABLE)
-        server = ActionServer(robot, action.FollowJointTrajectory,
-                              'arm_controller/follow_joint_trajectory', execute,
-                              goal_callback=judge)
-        ended = []
-
-        def play():
-            with ToolClient(patience=30.0) as ros:
-                ros.play_on('arm_controller', motion(), lambda share, _: shares.append(share))
-            ended.append(True)
-        thread = threading.Thread(target=play)
-        thread.start()
-        while thread.is_alive():
-            states.publish(joint_state(1, [JOINT], [-0.4]))
-            robot.spin_for(0.02)
-        server.destroy()
-    assert ended
-    assert shares == [pytest.approx(1.0)]
-    first, last = received[0].points[0], received[0].points[-1]
-    # From -0.4 to 0 rad at a third of 0.8 rad/s.
-    assert first.time_from_start.sec + 1e-9 * first.time_from_start.nanosec > 2.0
-    assert last.positions[0] == pytest.approx(0.0, abs=1e-6)
-
-
 def test_a_result_is_not_waited_for_when_its_node_is_gone(monkeypatch, capsys):
     clock = [0.0]
 
@@ -233,3 +193,40 @@ def test_a_compensator_runs_with_the_parameters_of_an_arm(name, tmp_path):
         # A controller that hears nothing for its timeout is on its own; zero is sent before.
         driver.rest()
         assert list(driver.commands[-1].data) == [0.0] * len(joints)
+
+
+@pytest.fixture(scope='module')
+def moving(tmp_path_factory):
+    """A server of `play_trajectory` whose motion ends when it is cancelled, in another process."""
+    events = []
+
+    async def execute(goal):
+        events.append('moves')
+        while not goal.is_cancel_requested:
+            await yield_to_executor()
+        events.append('cancelled')
+        goal.canceled()
+        return PlayTrajectory.Result()
+    with own_domain(), probe_node() as robot:
+        server = ActionServer(
+            robot, PlayTrajectory, 'play_trajectory', execute,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            callback_group=ReentrantCallbackGroup())
+        folder = tmp_path_factory.mktemp('play')
+        plan = folder / 'plan.yaml'
+        plan.write_text(motion().to_yaml(''), encoding='utf-8')
+        yield robot, events, folder, plan
+        server.destroy()
+
+
+@pytest.mark.parametrize('number', [
+    signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGTSTP])
+def test_a_motion_ends_with_its_player_whatever_signal_ends_it(moving, number):
+    robot, events, folder, plan = moving
+    events.clear()
+    with Process(folder, 'play', arguments=[str(plan)]) as player:
+        robot.until(lambda: 'moves' in events, 'a motion')
+        player.send(number)
+        robot.until(lambda: not player.running, 'the end of the player')
+        assert player.wait() == 128 + number
+        robot.until(lambda: events == ['moves', 'cancelled'], 'the end of the motion')

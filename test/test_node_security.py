@@ -84,7 +84,7 @@ def test_only_few_nodes_may_command_a_current_or_announce_a_direction():
                 if has['publish'] & {'/direction', '/direction_stamped'}}
     assert planners == {'exercise', 'direction'}
     listeners = {node for node, has in table.items() if '/interaction_wrench' in has['subscribe']}
-    assert listeners == {'recorder', 'refinement', 'friction_comp_doctor'}
+    assert listeners == {'recorder', 'refinement'}
     assert not listeners & (commanders | planners), 'the torque sensor is for evaluation only'
     assert '/compensator/set_parameters' in table['refinement']['request']
     assert actions('operator', 'call') == {
