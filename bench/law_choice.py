@@ -3,7 +3,7 @@
 """What each law takes of friction from a hand that moves to and fro, and leaves when it lets go.
 
     python3 bench/law_choice.py --seed 93 --output laws.json
-    python3 docs/quote_figures.py laws laws.json
+    python3 docs/generate.py laws laws.json
 
 The rows of `law_table` on to-and-fro at three tempos and on letting go (models up to 1.05 times the
 truth), on the gears of two worlds together, for the laws and the rivals that one may choose among.

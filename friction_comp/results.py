@@ -33,7 +33,7 @@ def write_report(folder: Path, content: dict[str, Any], page: Page, command: str
 
 
 def to_json(content: dict[str, Any]) -> str:
-    """Return a report as JSON text, its schema version first: see msg_docs/reports.md.
+    """Return a report as JSON text, its schema version first: see docs/reports.md.
 
     Numpy values become plain ones, NaN and infinity null.
     """

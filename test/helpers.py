@@ -8,6 +8,7 @@ from dataclasses import replace
 import functools
 import os
 from pathlib import Path
+import re
 import subprocess
 import sys
 import textwrap
@@ -49,6 +50,12 @@ def sines(time, waves):
     angle = rate * time[:, None] + phase
     return ((size * np.sin(angle)).sum(axis=1), (size * rate * np.cos(angle)).sum(axis=1),
             -(size * rate ** 2 * np.sin(angle)).sum(axis=1))
+
+
+def undocumented(report):
+    """Return the entries of a report that the page on reports does not name."""
+    page = (ROOT / 'docs' / 'reports.md').read_text(encoding='utf-8')
+    return set(report) - set(re.findall(r'`(\w+)`', page)) - {'version'}
 
 
 def printed_by(code, **environment):

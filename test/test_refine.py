@@ -322,15 +322,12 @@ def test_ball_screw_of_the_emps_benchmark():
     assert rms(error) < 3.0
 
 
-@pytest.mark.parametrize('given, limit, said', [
-    ([], 7.25, True), (['--current-limit', '12'], 12.0, False)])
-def test_the_current_limit_is_the_largest_that_lasted_unless_given(given, limit, said):
+def test_the_current_limit_is_the_largest_that_lasted():
     from friction_comp.recorded_drive.given import Given, with_current_limit
 
     time = np.arange(300) * 0.01
     recorded = Samples(time=time, position=np.sin(time), current=7.25 * np.cos(time))
     recorded.current[[150, 299]] = 200.0, np.nan
-    told = Given(current_limit=float(given[1]) if given else None)
-    drive, note = with_current_limit(told, Drive(1.0, 1.0), [recorded])
-    assert drive.current_limit == limit
-    assert ('current_limit' in note) == said
+    drive, note = with_current_limit(Given(), Drive(1.0, 1.0), [recorded])
+    assert drive.current_limit == 7.25
+    assert 'current_limit' in note

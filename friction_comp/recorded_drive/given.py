@@ -31,7 +31,6 @@ class Given:
     model: Path | None = None  # to start from
     torque_constant: float | None = None
     gear_ratio: float | None = None
-    current_limit: float | None = None
     figures: str | None = None  # unit of the figures in the report
     layout: Layout = field(default_factory=Layout)  # of a table
     of_table: dict[str, Any] = field(default_factory=dict)  # its arguments, for the model file
@@ -57,16 +56,14 @@ def with_current_limit(given: Given, drive: Drive, recorded: list[Samples]
                        ) -> tuple[Drive, dict[str, str]]:
     """Return the drive with its current limit, and a note on the origin of the limit.
 
-    If no limit is given, it is the largest current that lasted, which the drive has withstood.
+    It is that of the model given, else the largest current that lasted, which the drive has
+    withstood.
     """
-    if given.current_limit:
-        return replace(drive, current_limit=given.current_limit), {}
     largest = max(map(_largest_lasting_current, recorded), default=0.0)
     if given.model or not largest > 0.0:
         return drive, {}
     return (replace(drive, current_limit=float(f'{largest:.4g}')),
-            {'current_limit': 'the largest current that lasted in the recordings, since no other '
-                              'limit was given'})
+            {'current_limit': 'the largest current that lasted in the recordings'})
 
 
 def _largest_lasting_current(samples: Samples) -> float:

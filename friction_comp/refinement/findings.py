@@ -183,6 +183,11 @@ def finding(code: str, **values: Any) -> Finding:
     return Finding(code, text.format(**values), grade, record.format(**values))
 
 
+def grades() -> dict[str, str]:
+    """Return the codes of all findings, each with the best verdict that it allows."""
+    return {code: grade for code, (grade, _, _) in _FINDINGS.items()}
+
+
 def experiment(first: str, second: str) -> str:
     """Return the recording that would distinguish two variables."""
     known = _EXPERIMENTS.get((min(first, second), max(first, second)))

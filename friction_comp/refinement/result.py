@@ -102,7 +102,7 @@ class Question:
 class Finding:
     """A fact that a reader should know before using the model."""
 
-    code: str  # one of those of msg_docs/reports.md, for programs
+    code: str  # one of those of docs/reports.md, for programs
     text: str  # one sentence, for people
     grade: str = TRUST  # the best verdict that this finding allows: `TRUST` for a mere note
     record: str = ''  # a recording that would settle it; empty if none would
@@ -121,7 +121,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class RefinementReport(Mapping[str, Any]):
-    """The report of a refinement: msg_docs/reports.md explains each entry.
+    """The report of a refinement: docs/reports.md explains each entry.
 
     It reads like the mapping that report.json holds, too: ``report['after']['held_out_rmse']``.
     """

@@ -195,8 +195,10 @@ def next_steps(report: RefinementReport, output: Path) -> list[tuple[str, str]]:
     if report.verdict != 'record again':
         steps += [('simulate', f'{run} export {model} --to mujoco --output joint.xml'),
                   ('feed ahead', f'{run} predict PLAN.csv --model {model} --output torque.csv')]
-        if report.friction.breakaway is None or report.friction.presliding is None:
-            steps.append(('compensate', 'first find breakaway and presliding: record '
+        missing = [name for name in ('breakaway', 'presliding')
+                   if getattr(report.friction, name) is None]
+        if missing:
+            steps.append(('compensate', f'first find {" and ".join(missing)}: record '
                           + _SLOW_REVERSALS))
         else:
             steps.append(('compensate', f'give the compensator the model: model_files [{model}]'))

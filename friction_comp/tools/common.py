@@ -104,27 +104,23 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument(
             'recordings' if several else 'recording', metavar='RECORDING',
             type=Path, nargs='+', action='store' if several else _OneRecording,
-            help='rosbag2 folder, .mcap or .bag file, table (.csv, .txt, .parquet, .npz, .npy, '
-            '.mat, .h5, .hdf5, .json, .jsonl; several with a signal each are one)' + (
-                ', or folder of recordings other than tables' if several else ''))
-        self.add_argument('--joint', help='name of the joint, if a recording has several; '
+            help='rosbag2 folder, .mcap or .bag file, table (.csv, .parquet, .npz, .mat, .h5 and '
+            'others)' + (', or folder of recordings other than tables' if several else ''))
+        self.add_argument('--joint', metavar='NAME', help='the joint, where there are several; '
                           '/TOPIC/NAME if several topics have it')
         self.add_argument(
             '--columns', metavar='SIGNAL=COLUMN,…', action=_Joined,
-            help='columns of a table, for instance time=t,position=q_2,velocity=dq_2,effort=tau_2; '
-            'guessed from their names by default')
+            help='columns of a table: time=t,position=q_2,effort=tau_2')
         self.add_argument(
             '--unit', metavar='SIGNAL=UNIT,…', action=_Joined,
-            help='units that are not SI, of columns or of position, velocity and effort in joint '
-            'states, for instance '
-            'time=ms,position=deg,effort=A, current=2.69mA, or position=counts/4096; with '
-            'position=m or mm and effort=N, of a linear axis' + unit_help)
+            help='units that are not SI: time=ms,position=counts/4096,current=2.69mA; position=mm '
+            'and effort=N of a linear axis' + unit_help)
         self.add_argument('--rate', metavar='HZ', type=positive,
-                          help='rows per second of a table without times')
+                          help='rows per second of a table without times, or of a plan')
         self.add_argument(
-            '--stiffness', metavar='KP', help='k_p in N·m/rad of a position controller whose '
-            'target a table holds instead of effort, or the column that holds it; one, or one '
-            'for each table: 20,40. Effort is then k_p (target - position) - k_d velocity')
+            '--stiffness', metavar='KP', help='k_p in N·m/rad, or its column, where a table has a '
+            'target instead of effort: effort is then k_p (target - position) - k_d velocity; '
+            'several for several tables: 20,40')
         self.add_argument('--damping', metavar='KD', help='k_d in N·m·s/rad, as --stiffness')
         return self
 
@@ -168,6 +164,11 @@ class Arguments(argparse.ArgumentParser):
 def positive(text: str) -> float:
     """Return a positive finite number from an argument."""
     return _checked(text, float, lambda value: check_number(value, '', above=0.0))
+
+
+def number(text: str) -> float:
+    """Return a finite number from an argument that is not negative."""
+    return _checked(text, float, lambda value: check_number(value, '', least=0.0))
 
 
 def whole_number(least: int = 1, most: float = math.inf) -> Callable[[str], int]:

@@ -14,19 +14,17 @@ from friction_comp.files import check_folder
 from friction_comp.tools.common import Arguments, whole_number
 
 SCENES = {
-    'loop': 'identify, compensate, evaluate, refine, compensate again',
-    'two_joints': 'an exercise of two joints that reverse, from YAML',
-    'arm': 'a person guides an arm of three joints; the taught exercise is replayed with weight '
-           'and friction compensated (MuJoCo)',
-    'to_and_fro': 'a hand moves a joint to and fro, without help, with a hyperbolic tangent, and '
-                  'with the law'}
+    'loop': 'from identification to the refined model',
+    'two_joints': 'an exercise of two joints that reverse',
+    'arm': 'an arm is taught by hand (MuJoCo)',
+    'to_and_fro': 'a hand leads a joint, with several laws'}
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one scene of the demo and write its report; returns 0."""
     parser = Arguments('demo', __doc__, ('', '--scene two_joints'))
     parser.add_argument('--output', metavar='DIR', type=Path, default=Path('friction_comp_demo'),
-                        help='folder for models, recordings and the report (%(default)s)')
+                        help='file or folder for the results (%(default)s)')
     parser.add_argument('--repetitions', metavar='N', type=whole_number(), default=3,
                         help='movements in each direction, or repetitions of the exercise '
                         '(%(default)s)')

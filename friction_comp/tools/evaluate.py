@@ -19,8 +19,7 @@ def main(argv: list[str] | None = None) -> int:
     ).add_recordings().add_output().add_json()
     parser.add_argument(
         '--model', metavar='FILE', type=Path,
-        help='model file of one joint or of an arm, to show the missing current, also without a '
-        'torque sensor')
+        help='model file of the joint or arm')
     arguments = parser.parse(argv)
     from friction_comp.evaluation.conditions import evaluate_recordings, repetitions_csv
 

@@ -45,8 +45,6 @@ def main(argv: list[str] | None = None) -> int:
                         help='joint; may be repeated with --limits or --urdf, where the default is '
                         'all joints')
     add_limits(parser)
-    parser.add_argument('--effort', metavar='N·M', type=positive,
-                        help='limit of effort, with --model; lowers that of a file')
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help='model file of one joint, to keep the limit of effort')
     asked = parser.add_mutually_exclusive_group()
@@ -65,8 +63,6 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.excitation.separation import coverage_within, separations
     from friction_comp.reports.small_pages import excitation_page
 
-    if arguments.effort is not None and arguments.model is None:
-        raise InputError('--effort needs --model, which predicts the effort of a motion')
     if not _LOWEST_RATE <= arguments.rate <= _HIGHEST_RATE:
         raise InputError(f'--rate must be from {_LOWEST_RATE:g} to {_HIGHEST_RATE:g} Hz')
     pairs, limits = _pairs(arguments), limits_of(arguments)
@@ -125,7 +121,7 @@ def limits_of(arguments: Namespace) -> list[JointLimits]:
     from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
 
     given = {name: getattr(arguments, name, None) or math.inf
-             for name in ('velocity', 'acceleration', 'effort')}
+             for name in ('velocity', 'acceleration')}
     if not arguments.limits and arguments.acceleration is None:
         raise InputError('--acceleration is missing')
     if arguments.position:

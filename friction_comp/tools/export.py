@@ -20,7 +20,7 @@ from typing import Any, TYPE_CHECKING
 from friction_comp import __version__
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, to_yaml, write_atomically
-from friction_comp.tools.common import Arguments, positive
+from friction_comp.tools.common import Arguments
 from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
@@ -49,17 +49,12 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('model', metavar='MODEL', type=Path, help='model file; that of a '
                         'population (refine --each) has ranges of further units')
     parser.add_argument('--to', choices=_FORMS, required=True,
-                        help='mujoco, urdf, sdf: attributes of one joint; tanh: Fc, k, Fv, Fo; '
-                        'isaac: static, dynamic and viscous friction, armature; json: all numbers '
-                        'with ranges; csv: a table over speed, position and load')
+                        help='form of the file')
     parser.add_argument('--joint', metavar='NAME', help='joint of the model file of an '
                         'arm, and its name in the file that is written; by default that of the '
                         'model, else "joint"')
     parser.add_argument('--without-inertia', action='store_true',
-                        help='leave out the inertia: it holds all links that moved, which a '
-                        'simulator that has the links would count twice')
-    parser.add_argument('--load', metavar='N·M', type=positive,
-                        help='largest load of the table, if friction depends on it (10)')
+                        help='leave out the inertia, which a simulator with links counts twice')
     parser.add_argument('--recording', metavar='FILE', type=Path,
                         help='recording to play with a joint of MuJoCo, read as the one that the '
                         'model was refined from')
@@ -69,8 +64,7 @@ def main(argv: list[str] | None = None) -> int:
 
     model = FrictionModel.load(arguments.model, arguments.joint)
     form = arguments.to
-    for option, wrong in (('--load', arguments.load and form != 'csv'),
-                          ('--without-inertia', arguments.without_inertia and form == 'csv'),
+    for option, wrong in (('--without-inertia', arguments.without_inertia and form == 'csv'),
                           ('--recording', arguments.recording and form in ('csv', 'tanh'))):
         if wrong:
             raise InputError(f'{option} does not go with --to {form}')
@@ -107,8 +101,8 @@ def _write_table(arguments: Namespace, model: FrictionModel) -> int:
 
     if arguments.joint and 'joints' not in read_yaml(arguments.model):
         raise InputError('--joint is the name of the joint in the file: a table has none')
-    joint, load = simulator_joint(model, 'csv'), arguments.load or _LOAD
-    table = FrictionTable.of(model, np.linspace(-load, load, _LOADS))
+    joint = simulator_joint(model, 'csv')
+    table = FrictionTable.of(model, np.linspace(-_LOAD, _LOAD, _LOADS))
     rows = table.rows
     write_atomically(arguments.output, '\n'.join([
         ','.join(in_own_units(table.names, model.is_linear)),

@@ -42,9 +42,6 @@ def main(argv: list[str] | None = None) -> int:
                         help='model file that refine or identification wrote')
     parser.add_output_file('CSV file with the columns time, measured, predicted; of a plan time, '
                            'torque')
-    parser.add_argument('--with-time-effects', action='store_true',
-                        help='also apply effects of the time since the start: for the recording '
-                             'that was refined, or one that began just as cold')
     arguments = parser.parse(argv)
     from friction_comp.recordings.plans import read_plan
 
@@ -69,14 +66,13 @@ def main(argv: list[str] | None = None) -> int:
         model.check_joint(info.joint, arguments.model)
         report(1.0, 'predicting')
         with errors_name(arguments.recording):
-            predicted = model.predict(samples, same_recording=arguments.with_time_effects)
+            predicted = model.predict(samples)
     measured = model.measured(samples)
     text = table(samples, info, measured, predicted)
     write_atomically(arguments.output, text)
     left_out = [effect.name for effect in model.effects if not effect.holds_on_another_day]
-    if left_out and not arguments.with_time_effects:
-        print(f"left out, since it belongs to the recording it was found in: {', '.join(left_out)} "
-              '(--with-time-effects applies it)')
+    if left_out:
+        print(f"left out, since it belongs to the recording it was found in: {', '.join(left_out)}")
     if measured is not samples.current:
         print('a load was recorded: the current that it replaces is added to the measured current')
     errors, remarks = compared(model, samples, measured, predicted)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from friction_comp.errors import InputError
 from friction_comp.terminal import progress
-from friction_comp.tools.common import Arguments, positive, print_results
+from friction_comp.tools.common import Arguments, print_results
 from friction_comp.tools.refine_arguments import check_tables, given_of
 from friction_comp.units import in_own_units, signal_with_unit
 
@@ -32,19 +32,12 @@ def main(argv: list[str] | None = None) -> int:
                         help='model to start from; without it, the sigmoid of Eq. 6 (Coulomb and '
                         'viscous friction) is fitted first')
     parser.add_argument('--urdf', metavar='FILE', type=Path,
-                        help='URDF of the arm: fit its links, and refine all joints (needs '
-                        'Pinocchio)')
+                        help='URDF of the arm: fit its links, and refine all joints')
     parser.add_argument('--each', action='store_true',
-                        help='refine each joint of each recording separately, with one page for '
-                        'all; by default all recordings together give one model')
+                        help='refine each joint of each recording alone, with one page on all')
     parser.add_argument('--scheduler', metavar='ADDRESS',
-                        help='Dask scheduler, for instance tcp://host:8786, whose workers do '
-                        '--each; they need this package, and the recordings at the same paths '
-                        "(pip install 'friction_comp[fleet]')")
-    parser.add_argument('--current-limit', metavar='A', type=positive,
-                        help='largest motor current that may be commanded, for the model file; '
-                        'by default that of --model, else the largest that lasted in the '
-                        'recordings')
+                        help='Dask scheduler for --each, tcp://host:8786; its workers need the '
+                        'recordings at the same paths')
     arguments = parser.parse(argv)
     arguments.unit, arguments.figures = _units(arguments.unit)
     _check_together(arguments)

@@ -25,8 +25,8 @@ def given_of(arguments: Namespace) -> Given:
     """Return what the arguments tell of a drive and its recordings."""
     return Given(
         joint=arguments.joint, model=arguments.model, torque_constant=arguments.torque_constant,
-        gear_ratio=arguments.gear_ratio, current_limit=arguments.current_limit,
-        figures=arguments.figures, layout=layout_of(arguments),
+        gear_ratio=arguments.gear_ratio, figures=arguments.figures,
+        layout=layout_of(arguments),
         of_table={f'{name}_of_table': value for name in OF_TABLE
                   if (value := getattr(arguments, name))})
 
