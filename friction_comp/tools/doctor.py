@@ -18,7 +18,7 @@ from typing import Any
 from friction_comp.package_files import add_environment_to_ament_path, middlewares
 from friction_comp.results import to_json
 from friction_comp.terminal import progress
-from friction_comp.tools.common import Arguments, positive
+from friction_comp.tools.common import Arguments, number
 
 _REQUIRED = ('numpy', 'scipy', 'numba', 'yaml', 'matplotlib', 'pandas', 'rosbags', 'mcap')
 _OPTIONAL = {'pinocchio': 'refine --urdf', 'mujoco': 'plant with engine mujoco',
@@ -31,16 +31,15 @@ _VARIABLES = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_STATIC_PEER
 def main(argv: list[str] | None = None) -> int:
     """Check the installation and the running system, and print the findings."""
     parser = Arguments('doctor', __doc__, (
-        '', '--installed', '--seconds 10',
+        '', '--seconds 0', '--seconds 10',
         '--ros-args -r current_command:=/current_controller/commands'))
-    parser.add_argument('--seconds', type=positive, default=5.0,
-                        help='how long to observe the running system (%(default)s)')
-    parser.add_argument('--installed', action='store_true',
-                        help='check this machine only, not the running system')
+    parser.add_argument('--seconds', metavar='S', type=number, default=5.0,
+                        help='how long to observe the running system (%(default)s); 0: check this '
+                        'machine only')
     parser.add_argument('--json', action='store_true', help='print findings as JSON')
     arguments = parser.parse(argv)
     findings = list(check_machine())
-    if not arguments.installed and not _with(findings, 'problem'):
+    if arguments.seconds and not _with(findings, 'problem'):
         from friction_comp.monitoring.checkup import check_system
         from friction_comp.ros.system_probe import observe
 
