@@ -11,21 +11,16 @@ from xml.etree import ElementTree
 from helpers import note_model
 import numpy as np
 import pytest
-from table_maker import write
 import yaml
 
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
-from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import loss_of, simulator_joint
-from friction_comp.recordings import read_recording
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
-from friction_comp.tools.export import play
 
 MODEL = note_model(2)
 GAIN = MODEL.drive.torque_per_current
@@ -113,11 +108,6 @@ def test_files_hold_the_numbers_and_say_what_they_miss(tmp_path, form):
     content = exported(tmp_path, lopsided, 'json')
     assert 'misses nothing' in content
     assert json.loads(content)['inertia'] == pytest.approx(0.01 * GAIN)
-    # The inertia of links that the simulator has itself can be left out.
-    path = tmp_path / 'without'
-    assert run('export', [str(tmp_path / 'model.yaml'), '--to', form, '--output', str(path),
-                          '--without-inertia']) == 0
-    assert 'armature' not in path.read_text(encoding='utf-8')
 
 
 def test_the_table_gives_the_models_torque(tmp_path, capsys):
@@ -221,47 +211,3 @@ def test_what_is_no_torque_is_not_called_one(tmp_path, refuses, unit):
     model = replace(PLAIN, drive=Drive(1.0, 1.0), notes={'unit': unit})
     model.save(tmp_path / 'model.yaml')
     refuses(unit, 'export', tmp_path / 'model.yaml', '--to', 'mujoco')
-
-
-@pytest.mark.slow
-def test_a_joint_of_mujoco_is_found_again_and_follows_its_recording(tmp_path):
-    mujoco = pytest.importorskip('mujoco', reason='MuJoCo is not here: pip install mujoco')
-    truth = {'frictionloss': 0.5, 'damping': 0.15, 'armature': 0.02}
-    plant = mujoco.MjModel.from_xml_string(
-        '<mujoco><option gravity="0 0 0" timestep="0.002"/><worldbody><body><joint axis="0 0 1" '
-        + ' '.join(f'{name}="{value}"' for name, value in truth.items())
-        + '/><geom size="0.01" mass="1e-9"/></body></worldbody></mujoco>')
-    data, rows = mujoco.MjData(plant), []
-    for k in range(8000):
-        t = 0.002 * k
-        target = 0.8 * np.sin(2.1 * t) + 0.5 * np.sin(5.3 * t + 1.0) - 0.5 * np.sin(1.0)
-        effort = 30.0 * (target - data.qpos[0]) - 0.8 * data.qvel[0]
-        rows.append((t, data.qpos[0], effort))
-        data.qfrc_applied[0] = effort
-        mujoco.mj_step(plant, data)
-    noise = np.random.default_rng(3).standard_normal((2, len(rows)))
-    time, position, effort = np.array(rows).T
-    table = write(tmp_path / 'log.csv', time=time, position=position + 2e-5 * noise[0],
-                  effort=effort + 0.03 * noise[1])
-    assert run('refine', [str(table), '--output', str(tmp_path / 'refined')]) == 0
-    path = tmp_path / 'joint.xml'
-    model = tmp_path / 'refined' / 'model.yaml'
-    assert run('export', [str(model), '--to', 'mujoco', '--recording', str(table),
-                          '--output', str(path)]) == 0
-    text = path.read_text(encoding='utf-8')
-    for name, value in truth.items():
-        assert float(re.search(rf'{name}="([\d.]+)"', text)[1]) == pytest.approx(value, rel=0.1)
-    share = float(re.search(r'RMS from its motion, ([\d.]+) %', text)[1])
-    assert share < 2.0
-    # The yardstick: a joint with twice the friction does not follow.
-    joint = simulator_joint(FrictionModel.load(model), 'mujoco')
-    samples = differentiate(read_recording(table)[0], DEFAULT_SETTINGS)
-    wrong = play(replace(joint, coulomb=2.0 * joint.coulomb), samples, samples.current)
-    assert wrong.share > 0.05
-
-
-@pytest.mark.parametrize('form, option, value', [
-    ('csv', '--joint', 'elbow')])
-def test_an_option_that_the_form_does_not_use_is_refused(tmp_path, refuses, form, option, value):
-    MODEL.save(tmp_path / 'model.yaml')
-    refuses(option, 'export', tmp_path / 'model.yaml', '--to', form, option, value)

@@ -197,8 +197,7 @@ def test_recordings_with_and_without_a_load_are_not_mixed(tmp_path, refuses):
     ('predict', ['log.csv', '--model', 'model.yaml', '--output', 'log.csv']),
     ('predict', ['log.csv', '--model', 'model.yaml', '--output', 'model.yaml']),
     ('predict', ['log.csv', '--model', 'model.yaml', '--output', 'linked.csv']),
-    ('export', ['model.yaml', '--to', 'csv', '--output', './model.yaml']),
-    ('export', ['model.yaml', '--to', 'mujoco', '--recording', 'log.csv', '--output', 'log.csv'])])
+    ('export', ['model.yaml', '--to', 'csv', '--output', './model.yaml'])])
 def test_no_output_is_written_over_an_input(tmp_path, monkeypatch, capsys, tool, arguments):
     monkeypatch.chdir(tmp_path)
     time = 0.01 * np.arange(2000)

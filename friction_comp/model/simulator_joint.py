@@ -42,9 +42,10 @@ KEYS = {
     'json': {name: name for name in ('coulomb', 'coulomb_with_load', 'viscous', 'offset', 'static',
                                      'transition', 'inertia', 'stiffness', 'rest')}}
 _NEVER_NEGATIVE = ('coulomb', 'viscous', 'static', 'inertia', 'stiffness')
-# Speeds of a table over which friction changes its sign, in units of the transition, and positions
-# of a table of friction by position.
-_TURNING, _PLACES = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0]), 360
+# Speeds of a table over which friction changes its sign, in units of the transition; number of its
+# positions and loads, and the largest load, N·m, where none was recorded.
+_TURNING = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0])
+_PLACES, _LOADS, _LOAD = 360, 9, 10.0
 
 
 @dataclass(frozen=True)
@@ -222,8 +223,8 @@ class FrictionTable:
     values: np.ndarray              # (S, P, L), N·m
 
     @classmethod
-    def of(cls, model: FrictionModel, loads: np.ndarray) -> FrictionTable:
-        """Return a model's table; friction by load has the loads, shape (L,), N·m."""
+    def of(cls, model: FrictionModel) -> FrictionTable:
+        """Return a model's table, over the recorded positions and loads if these matter."""
         gain, motion = torque_per_unit(model), states_of(model)
         kept = [effect for effect in model.effects if _in_table(effect)]
         slow = _TURNING * 2.0 / model.sigmoid.steepness
@@ -232,8 +233,9 @@ class FrictionTable:
         by_position = any('position' in effect.reads() for effect in kept)
         positions = np.linspace(motion.position.min(), motion.position.max(), _PLACES) if (
             by_position) else np.zeros(1)
-        if not any('load' in effect.needs for effect in kept):
-            loads = np.zeros(1)
+        ranges = model.recorded.ranges if model.recorded else {}
+        loads = np.unique(np.linspace(*ranges.get('load', (-_LOAD, _LOAD)), _LOADS)) if any(
+            'load' in effect.needs for effect in kept) else np.zeros(1)
         v, q, load = (one.ravel() for one in np.meshgrid(speeds, positions, loads, indexing='ij'))
         friction = replace(model, effects=kept, arm=None).current(Samples(
             time=0.0 * v, position=q, current=0.0 * v, velocity=v, load=load, acceleration=0.0 * v,

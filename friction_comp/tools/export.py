@@ -3,17 +3,15 @@
 """The tool ``export``: writes a model's friction in a form that simulators and controllers read.
 
 Coulomb and viscous friction, offset and inertia are those that refine prints. Every file states in
-a comment, or an entry, what its form misses of the model in the recorded motion, and with a
-recording how far a joint of MuJoCo with these numbers strays from it.
+a comment, or an entry, what its form misses of the model in the recorded motion.
 """
 
 from __future__ import annotations
 
 from argparse import Namespace
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import html
 import json
-import math
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -24,27 +22,19 @@ from friction_comp.tools.common import Arguments
 from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.model.simulator_joint import Loss, SimulatorJoint
-    from friction_comp.samples import Samples
 
 _FORMS = ('mujoco', 'urdf', 'sdf', 'csv', 'tanh', 'isaac', 'json')
-# Largest load of a table by default, N·m, and the number of loads.
-_LOAD, _LOADS = 10.0, 9
 # Share of the torque below which what is missed is a rounding error.
 _NOTHING = 1e-6
-# Of the controller that holds a played joint near the recording, the natural frequency, Hz: higher
-# ones hide what lacks, lower ones let noise wander. Longest step and longest motion, s.
-_HOLD, _STEP, _LONGEST = 2.0, 1e-3, 60.0
 
 
 def main(argv: list[str] | None = None) -> int:
     """Write the file; returns 0."""
     parser = Arguments('export', __doc__, (
         'output/refined/model.yaml --to mujoco --output output/elbow.xml',
-        'output/refined/model.yaml --to isaac --recording log.csv --output output/elbow.yaml',
+        'output/refined/model.yaml --to isaac --joint elbow --output output/elbow.yaml',
         'output/refined/model.yaml --to csv --output output/friction.csv'))
     parser.add_argument('model', metavar='MODEL', type=Path, help='model file; that of a '
                         'population (refine --each) has ranges of further units')
@@ -55,19 +45,11 @@ def main(argv: list[str] | None = None) -> int:
                         'model, else "joint"')
     parser.add_argument('--without-inertia', action='store_true',
                         help='leave out the inertia, which a simulator with links counts twice')
-    parser.add_argument('--recording', metavar='FILE', type=Path,
-                        help='recording to play with a joint of MuJoCo, read as the one that the '
-                        'model was refined from')
     parser.add_output_file('the file to write')
     arguments = parser.parse(argv)
     from friction_comp.model.friction_model import FrictionModel
 
     model = FrictionModel.load(arguments.model, arguments.joint)
-    form = arguments.to
-    for option, wrong in (('--without-inertia', arguments.without_inertia and form == 'csv'),
-                          ('--recording', arguments.recording and form in ('csv', 'tanh'))):
-        if wrong:
-            raise InputError(f'{option} does not go with --to {form}')
     with errors_name(arguments.model):
         if arguments.to == 'csv':
             return _write_table(arguments, model)
@@ -75,7 +57,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _write_joint(arguments: Namespace, model: FrictionModel) -> int:
-    from friction_comp.model.simulator_joint import KEYS, simulator_joint
+    from friction_comp.model.simulator_joint import simulator_joint
 
     form, joint = arguments.to, simulator_joint(model, arguments.to)
     if form not in ('tanh', 'json'):
@@ -88,21 +70,18 @@ def _write_joint(arguments: Namespace, model: FrictionModel) -> int:
     print(f'{arguments.output}: {name}')
     for line in remarks[1:]:
         print(f'  {line}')
-    if joint.inertia and 'inertia' in KEYS[form]:
-        print('  --without-inertia leaves out the inertia')
     return 0
 
 
 def _write_table(arguments: Namespace, model: FrictionModel) -> int:
-    import numpy as np
-
     from friction_comp.model.motor_check import cautions
     from friction_comp.model.simulator_joint import FrictionTable, loss_of, simulator_joint
 
+    if arguments.without_inertia:
+        raise InputError('--without-inertia does not go with --to csv, which has none')
     if arguments.joint and 'joints' not in read_yaml(arguments.model):
         raise InputError('--joint is the name of the joint in the file: a table has none')
-    joint = simulator_joint(model, 'csv')
-    table = FrictionTable.of(model, np.linspace(-_LOAD, _LOAD, _LOADS))
+    joint, table = simulator_joint(model, 'csv'), FrictionTable.of(model)
     rows = table.rows
     write_atomically(arguments.output, '\n'.join([
         ','.join(in_own_units(table.names, model.is_linear)),
@@ -130,8 +109,6 @@ def _remarks(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) 
         elif not arguments.without_inertia:
             lines.append('No inertia: the model has none')
     lines.append(_missed(loss_of(model, joint, form), joint))
-    if arguments.recording:
-        lines.append(_played(joint, model, arguments))
     if form == 'isaac':
         lines.append(f'Static friction: {joint.static_is}')
     lines += [f'Range for randomisation: {key} {low:.4g} to {high:.4g}'
@@ -212,107 +189,3 @@ def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str
                 f'<axis><dynamics><damping>{damping}</damping><friction>{friction}</friction>'
                 f'{spring}</dynamics></axis>\n  </joint>\n</sdf>\n')
     return f'<?xml version="1.0"?>\n<!--\n{remark}\n-->\n{body}'
-
-
-@dataclass(frozen=True)
-class Played:
-    """How far a simulated joint strays from a recording."""
-
-    error: float            # RMS of position, rad
-    share: float            # of the RMS of the recorded position about its mean
-    frictionless: float     # RMS of position of a joint without friction, rad
-
-
-def _played(joint: SimulatorJoint, model: FrictionModel, arguments: Namespace) -> str:
-    """Return a line on how far a joint of MuJoCo strays from a recording."""
-    played = play(joint, *recorded_motion(arguments.recording, model))
-    if played is None:
-        return 'Not played in MuJoCo: it needs MuJoCo (pip install mujoco) and an inertia'
-    small = 'mm' if joint.unit == 'N' else 'mrad'
-    return (f'Played in MuJoCo with the recorded torque, the joint strays {1e3 * played.error:.3g} '
-            f'{small} RMS from its motion, {_percent(played.share)} of it; without friction '
-            f'{1e3 * played.frictionless:.3g} {small}')
-
-
-def recorded_motion(path: Path, model: FrictionModel) -> tuple[Samples, np.ndarray]:
-    """Return a recording's motion, and the torque of its motor without the links, N·m, (N,)."""
-    import numpy as np
-
-    from friction_comp.model.friction_numbers import LINKS
-    from friction_comp.recordings import find_recording, read_recording_with_info
-    from friction_comp.tools.refine_arguments import layout_of, OF_TABLE
-
-    # Tables are read as refine read them.
-    layout = layout_of(Namespace(joint=None, **{
-        name: model.notes.get(f'{name}_of_table') for name in OF_TABLE}))
-    (samples, _), = read_recording_with_info(
-        find_recording(path), model.joint or None, model.drive.torque_per_current, layout=layout,
-        others=model.arm is not None)
-    measured, motion = model.measured(samples), model.differentiated(model.with_arm(samples))
-    for effect in model.effects:
-        # `model.measured` has added what the effect `load_torque` subtracts.
-        if effect.name in LINKS and (effect.name != 'load_torque' or samples.load is not None):
-            measured = measured - effect.current(motion)
-    return motion, (model.torque_per(model.unit) or math.nan) * np.nan_to_num(measured)
-
-
-def play(joint: SimulatorJoint, motion: Samples, torque: np.ndarray) -> Played | None:
-    """Play a motion with the torque of its motor, N·m, (N,); None without MuJoCo or an inertia.
-
-    A weak controller holds the joint near the recording, since the smallest error of a torque would
-    integrate to any distance. How far it strays tells what the joint lacks; a joint without
-    friction is the yardstick.
-    """
-    try:
-        import mujoco
-    except ModuleNotFoundError:
-        return None
-    import numpy as np
-
-    from friction_comp.statistics import rms
-
-    parts = _parts(motion)
-    if not joint.inertia or joint.inertia <= 0.0 or not parts:
-        return None
-    bare = replace(joint, coulomb=0.0, viscous=0.0)
-    error, frictionless = (rms(np.concatenate([
-        _stray(mujoco, one.passive(), motion, torque, part) for part in parts]))
-        for one in (joint, bare))
-    size = float(np.std(np.concatenate([motion.position[part] for part in parts])))
-    return Played(error, error / size if size else math.inf, frictionless)
-
-
-def _parts(motion: Samples) -> list[slice]:
-    parts, left = [], _LONGEST
-    for part in motion.segments():
-        time = motion.time[part]
-        count = int((time - time[0] < left).sum())
-        if count >= 10:
-            parts.append(slice(part.start, part.start + count))
-            left -= float(time[count - 1] - time[0])
-    return parts
-
-
-def _stray(mujoco: Any, joint: SimulatorJoint, motion: Samples, torque: np.ndarray, part: slice
-           ) -> np.ndarray:
-    """Return the distance of the simulated from the recorded joint at every step, rad."""
-    import numpy as np
-
-    step = motion.sample_time / max(1, math.ceil(motion.sample_time / _STEP))
-    # A tiny mass, since MuJoCo wants one beside the armature.
-    body = mujoco.MjModel.from_xml_string(
-        f'<mujoco><compiler angle="radian"/><option gravity="0 0 0" timestep="{step:.9g}" '
-        f'integrator="implicitfast"/><worldbody><body><joint name="joint" axis="0 0 1" '
-        f'{_attributes(joint)}/><geom size="0.01" mass="1e-9"/></body></worldbody></mujoco>')
-    data, inertia, frequency = mujoco.MjData(body), joint.inertia or 0.0, 2.0 * math.pi * _HOLD
-    stiffness, damping = inertia * frequency ** 2, 2.0 * inertia * frequency
-    time = np.arange(motion.time[part][0], motion.time[part][-1], step)
-    recorded = np.column_stack([np.interp(time, motion.time[part], values[part]) for values in (
-        motion.position, np.asarray(motion.velocity), torque)])
-    data.qpos[0], data.qvel[0] = recorded[0, :2]
-    strayed = np.empty(len(time))
-    for k, (q, v, u) in enumerate(recorded.tolist()):
-        strayed[k] = data.qpos[0] - q
-        data.qfrc_applied[0] = u + stiffness * (q - data.qpos[0]) + damping * (v - data.qvel[0])
-        mujoco.mj_step(body, data)
-    return strayed
