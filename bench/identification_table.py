@@ -6,9 +6,11 @@
                                            [--seed S] [--processes N]
 
 Each kind is drawn afresh --draws times from --seed: even seeds are for tuning, odd ones are kept
-for judging. Contacts are chains of Maxwell elements or LuGre's; links may be elastic, gravity may
-act, friction may fall as the drive warms up. The yardstick is least squares (offset, Coulomb,
-viscous, inertia) on all samples of the same run that are faster than 0.05 rad/s.
+for judging. Contacts are chains of Maxwell elements or LuGre's; links may be elastic or have play
+and friction of their own, gravity may act, friction may fall as the drive warms up or, as in a
+worm, with speed; the measured current may be filtered and the encoder coarse. The yardstick is
+least squares (offset, Coulomb, viscous, inertia) on all samples of the same run that are faster
+than 0.05 rad/s.
 
 An error is that of breakaway in both directions (beyond two standard errors), of Coulomb and
 viscous friction as a line through the curve at the speeds driven, of that curve (RMS), of the
@@ -27,7 +29,7 @@ from scipy.signal import savgol_filter
 from friction_comp import Drive, IdentificationGoal, IdentificationRun
 
 DT = 5e-5               # s
-KINDS = ('maxwell', 'lugre', 'gravity', 'link', 'warm')
+KINDS = ('maxwell', 'lugre', 'gravity', 'link', 'warm', 'filtered', 'coarse', 'worm', 'play')
 SPEEDS = np.radians([4.0, 8.0, 15.0, 30.0, 55.0, 80.0, 100.0])
 CYCLES, ELEMENTS = 8, 8
 NAMES = ('breakaway', 'coulomb', 'viscous', 'curve', 'acceleration', 'presliding')
@@ -60,8 +62,11 @@ class Gear(NamedTuple):
     link_rate: float        # rad/s
     warm: float             # share of friction more when cold
     warm_time: float        # s
+    link_friction: float    # A
+    play: float             # rad
     loop: float             # s, time constant of the current controller
     late: int               # samples by which commands are late
+    filter: float           # s, time constant of the measured current
 
 
 def draw(kind, random):
@@ -69,24 +74,28 @@ def draw(kind, random):
     def log(low, high):
         return float(np.exp(random.uniform(math.log(low), math.log(high))))
     coulomb = log(0.05, 1.0)
-    drive = Drive(log(0.03, 0.2), float(round(log(50.0, 160.0))), int(log(512, 5000)),
-                  coulomb * log(5.0, 12.0))
+    counts = int(log(40, 150) if kind == 'coarse' else log(512, 5000))
+    drive = Drive(log(0.03, 0.2), float(round(log(50.0, 160.0))), counts, coulomb * log(5.0, 12.0))
     lugre = kind == 'lugre' or (kind != 'maxwell' and random.random() < 0.5)
     return drive, Gear(
-        coulomb=coulomb, viscous=coulomb * log(0.05, 0.8), stribeck=random.uniform(0.0, 0.25),
+        coulomb=coulomb, viscous=coulomb * log(0.05, 0.8), stribeck=(
+            random.uniform(0.3, 0.7) if kind == 'worm' else random.uniform(0.0, 0.25)),
         stribeck_speed=log(0.03, 0.15), asymmetry=random.uniform(-0.15, 0.15),
         kappa=log(5.0, 40.0) / coulomb, lugre=lugre,
         reach=log(2e-4, 1.5e-3) if lugre else log(8e-4, 6e-3), damping=log(0.15, 1.0),
         ripple=random.uniform(0.0, 0.03), waves=log(8.0, 60.0),
         gravity=coulomb * random.uniform(0.1, 0.4) if kind == 'gravity' else 0.0,
         phase=random.uniform(-math.pi, math.pi),
-        link_share=random.uniform(0.2, 0.6) if kind == 'link' else 0.0,
-        link_rate=2.0 * math.pi * log(8.0, 30.0),
+        link_share=random.uniform(0.2, 0.6) if kind in ('link', 'play') else 0.0,
+        link_rate=2.0 * math.pi * (40.0 if kind == 'play' else log(8.0, 30.0)),
+        link_friction=coulomb * random.uniform(0.15, 0.5) if kind == 'play' else 0.0,
+        play=log(1e-3, 5e-3) if kind == 'play' else 0.0,
         warm=random.uniform(0.05, 0.18) if kind == 'warm' else 0.0, warm_time=log(60.0, 300.0),
-        loop=log(5e-4, 2e-3), late=int(random.integers(1, 3)))
+        loop=log(5e-4, 2e-3), late=int(random.integers(1, 3)),
+        filter=log(5e-3, 0.04) if kind == 'filtered' else 0.0)
 
 
-@njit(cache=True)
+@njit
 def level(gear, speed, sign, place, time):
     """Return friction at a speed without its viscous part, A, a magnitude."""
     own = gear.coulomb * (1.0 + gear.stribeck * math.exp(-(speed / gear.stribeck_speed) ** 2))
@@ -94,7 +103,7 @@ def level(gear, speed, sign, place, time):
     return own * (1.0 + gear.warm * math.exp(-time / gear.warm_time))
 
 
-@njit(cache=True)
+@njit
 def advance(gear, state, command, time, steps):
     """Advance a joint: state holds place, speed, link's place and speed, current, and contact."""
     place, speed, link, link_speed, current = state[:5]
@@ -122,11 +131,17 @@ def advance(gear, state, command, time, steps):
             place += speed * DT
             link = place
         else:
-            spring = gear.link_rate ** 2 * (place - link) + 0.06 * gear.link_rate * (
-                speed - link_speed)
+            gap = place - link
+            touch = gap - min(max(gap, -0.5 * gear.play), 0.5 * gear.play)
+            spring = gear.link_rate ** 2 * touch
+            if touch != 0.0:
+                spring += 0.3 * gear.link_rate * (speed - link_speed)
             speed += (rotor * (current - friction)
                       - spring * gear.link_share / (1.0 - gear.link_share)) * DT
-            link_speed += (spring - weight * gear.kappa / gear.link_share) * DT
+            held = min(max(state[5 + ELEMENTS] + link_speed * DT / 2e-4, -1.0), 1.0)
+            state[5 + ELEMENTS] = held
+            link_speed += (spring - (weight + gear.link_friction * held)
+                           * gear.kappa / gear.link_share) * DT
             place += speed * DT
             link += link_speed * DT
         time += DT
@@ -139,7 +154,7 @@ def identify(kind, number, seed, rate):
     drive, gear = draw(kind, random)
     run = IdentificationRun(IdentificationGoal(
         SPEEDS.tolist(), motion_range=1.2, breakaway_cycles=CYCLES, longest_cycle=10.0), drive)
-    state, steps = np.zeros(5 + ELEMENTS), round(1.0 / (rate * DT))
+    state, steps, filtered = np.zeros(6 + ELEMENTS), round(1.0 / (rate * DT)), 0.0
     if gear.gravity:    # the joint hangs where it rests
         state[0] = state[2] = -gear.phase + random.uniform(-0.5, 0.5)
         gear = gear._replace(gravity=min(gear.gravity, 0.8 * gear.coulomb))
@@ -152,7 +167,8 @@ def identify(kind, number, seed, rate):
         place = math.floor(state[0] / count) * count
         velocity += share * ((place - seen) * rate - velocity)
         seen = place
-        rows.append((time, place, state[4] + noise * random.normal()))
+        filtered += (state[4] - filtered) / (1.0 + gear.filter * rate)
+        rows.append((time, place, filtered + noise * random.normal()))
         try:
             pending.append(run.update(time, place, velocity, rows[-1][2]))
         except Exception as error:
@@ -177,7 +193,8 @@ def judge(task):
     result, words, rows, gear, taken = identify(*task)
     both = np.concatenate([-SPEEDS[::-1], SPEEDS])
     weight = gear.gravity * math.sin(rows[0, 1] + gear.phase)
-    true = np.array([math.copysign(level(gear, abs(v), math.copysign(1.0, v), math.pi, taken), v)
+    true = np.array([math.copysign(level(gear, abs(v), math.copysign(1.0, v), math.pi, taken)
+                                   + gear.link_friction, v)
                      + gear.viscous * v for v in both])
     coulomb, viscous = line(both, true)
     # The yardstick: least squares on the whole run.
@@ -195,7 +212,8 @@ def judge(task):
         return out
     found = result.breakaway
     start = [(1.0 + sign * gear.asymmetry) * gear.coulomb * (1.0 + gear.stribeck) * (
-        1.0 + gear.warm * math.exp(-0.7 * taken / gear.warm_time)) for sign in (1, -1)]
+        1.0 + gear.warm * math.exp(-0.7 * taken / gear.warm_time)) + gear.link_friction
+        for sign in (1, -1)]
     deviations = [s / math.sqrt(CYCLES) for s in (found.positive_std, found.negative_std)]
     off = [abs(found.positive_mean - weight - start[0]), abs(-found.negative_mean + weight
                                                              - start[1])]

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from friction_comp.identification import agreement
-from friction_comp.identification.breakaway import Held
 from friction_comp.identification.goal import IdentificationGoal
-from friction_comp.identification.kinetic import cycle_position, cycle_velocity
-from friction_comp.identification.ramp_evaluation import Ramp
+from friction_comp.identification.profiles import cycle_position, cycle_velocity
+from friction_comp.identification.ramps import Held, Ramp
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.simulation.joint import Plant

@@ -13,7 +13,7 @@ from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.kinetic import constant_velocity_currents
+from friction_comp.identification.profiles import constant_velocity_currents
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.model.sigmoid import Sigmoid

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.inertia import steadiest_inertia
-from friction_comp.identification.kinetic import (
+from friction_comp.identification.profiles import (
     constant_velocity_windows,
     cycle_position,
     cycle_velocity,

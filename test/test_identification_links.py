@@ -10,7 +10,7 @@ from scipy.signal import lsim
 from friction_comp import IdentificationGoal
 from friction_comp.identification.agreement import say_swing
 from friction_comp.identification.inertia import Inertia, steadiest_inertia
-from friction_comp.identification.kinetic import cycle_position
+from friction_comp.identification.profiles import cycle_position
 
 GOAL = IdentificationGoal(speeds=(0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5), motion_range=1.0)
 RATE = 25.0     # by which the whole joint accelerates, rad/s² per A

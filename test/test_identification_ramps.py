@@ -11,17 +11,18 @@ import numpy as np
 import pytest
 
 from friction_comp.drive import Drive
-from friction_comp.identification.breakaway import first_stair, rests
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.kinetic import Sample
-from friction_comp.identification.ramp_evaluation import (
+from friction_comp.identification.profiles import Sample
+from friction_comp.identification.ramps import (
     combined_presliding,
     common_stiffness,
     Crossed,
     evaluate_ramps,
     find_backlash,
+    first_stair,
     presliding_std,
     ramp_friction,
+    rests,
 )
 from friction_comp.identification.run import IdentificationRun
 

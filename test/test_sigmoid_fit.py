@@ -10,7 +10,7 @@ import pytest
 
 from friction_comp.errors import InputError
 from friction_comp.identification import sigmoid_fit
-from friction_comp.identification.kinetic import KineticPoint
+from friction_comp.identification.profiles import KineticPoint
 from friction_comp.identification.sigmoid_fit import _fit, fit_sigmoid, sigmoid_error
 from friction_comp.identification.supervision import check_curve
 from friction_comp.model.sigmoid import Sigmoid

@@ -12,8 +12,8 @@ import pytest
 from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import plan_joint
-from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.trajectory_run import TrajectoryGoal, TrajectoryRun
+from friction_comp.identification.goal import IdentificationError, TrajectoryGoal
+from friction_comp.identification.run import TrajectoryRun
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 

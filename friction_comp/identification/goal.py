@@ -1,12 +1,12 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Goal and result of an identification."""
+"""What a joint may be asked to do: an identification, or a trajectory."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 import math
 from typing import Any
 
@@ -15,37 +15,27 @@ import numpy as np
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.breakaway import BreakawayRecords
-from friction_comp.identification.kinetic import KineticPoint, shortest_cycle
-from friction_comp.model.arm.arm import Arm
-from friction_comp.model.effects.base import Effect
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Breakaway, Presliding
-from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.identification.profiles import shortest_cycle
 
 GOAL_LIMITS = {
     'speeds': (1e-3, 10.0, 'rad/s'), 'motion_range': (1e-3, 100.0, 'rad'),
     'ramp_slope': (1e-4, 100.0, 'A/s'), 'ramp_period': (1.0, 1000.0, 's'),
     'breakaway_cycles': (1, 10_000, '')}
 """Lowest and highest value of each field of a goal, and of its default, with its unit."""
-# Share of the motion range that the profiles use; the rest is a margin for control errors.
-_USED_SHARE = 0.9
-# Shortest phase of constant velocity, s.
-_SHORTEST = 0.12
-_MOST_SPEEDS = 1000
+# Share of the motion range that the profiles use: the rest is a margin for control errors; shortest
+# phase of constant velocity, s; most speeds; longest trajectory, s.
+_USED_SHARE, _SHORTEST, _MOST_SPEEDS, _LONGEST = 0.9, 0.12, 1000, 3600.0
+
+
+class IdentificationError(InputError):
+    """The drive did not respond as identification requires; the text says what to change."""
 
 
 def check_field(name: str, value: Any) -> None:
     """Raise InputError if a goal's field is no number within `GOAL_LIMITS`."""
     low, high, _ = GOAL_LIMITS[name]
-    if isinstance(low, int):
-        check_whole_number(value, name, least=low, most=high)
-    else:
-        check_number(value, name, least=low, most=high)
-
-
-class IdentificationError(InputError):
-    """The drive did not respond as identification requires; the text says what to change."""
+    check = check_whole_number if isinstance(low, int) else check_number
+    check(value, name, least=low, most=high)
 
 
 class MotionGoal(ABC):
@@ -67,8 +57,7 @@ class MotionGoal(ABC):
 
     def check(self, drive: Drive, torque: bool = False) -> None:
         """Raise InputError if the drive cannot meet the goal; with `torque`, texts have N·m."""
-        peak = self.ramp_peak
-        if peak is not None and peak > drive.current_limit:
+        if (peak := self.ramp_peak or 0.0) > drive.current_limit:
             raise InputError(
                 'ramp_slope and ramp_period: the ramps would reach '
                 f'{drive.in_words(peak, torque)}, above the current limit of '
@@ -154,66 +143,47 @@ class IdentificationGoal(MotionGoal):
 
 
 @dataclass(frozen=True)
-class IdentificationResult:
-    """Result of an identification."""
+class TrajectoryGoal(MotionGoal):
+    """A trajectory of one joint, from rest to rest, cubic between its points.
 
-    points: list[KineticPoint]      # the look-up table in ascending speed, negative speeds first
-    sigmoid: Sigmoid                # fit of Eq. 6
-    sigmoid_error: float            # E of Eq. 7, A
-    breakaway: Breakaway
-    records: BreakawayRecords       # every single breakaway
-    # k_t·n/J in rad/s² per A from the cycles of Eq. 3, else, less exactly, from the short push.
-    acceleration_per_current: float
-    goal: IdentificationGoal
-    warnings: list[str] = field(default_factory=list)
-    presliding: Presliding | None = None        # None if the encoder is too coarse
-    backlash: float | None = None               # rad; None if the ramps show none
-    # How much friction at a speed in rad/s drifted, a share of it; empty if it hardly did.
-    drift: dict[float, float] = field(default_factory=dict)
+    Raises InputError if it cannot be followed.
+    """
 
-    @property
-    def speeds(self) -> np.ndarray:
-        """Speeds of the look-up table, rad/s, shape (N,)."""
-        return np.array([point.speed for point in self.points])
+    times: Sequence[float]          # s, ascending from zero or later
+    positions: Sequence[float]      # rad
+    velocities: Sequence[float]     # rad/s
+    ramp_slope: float | None = None     # A/s; None: the current grows towards the drive's limit
+    ramp_period: float = 10.0
+    motion_range: float = field(init=False)         # of the positions
+    speeds: Sequence[float] = field(init=False)     # a low one for travel, and the highest
 
-    @property
-    def currents(self) -> np.ndarray:
-        """Mean currents of the look-up table, A, shape (N,)."""
-        return np.array([point.current for point in self.points])
+    def __post_init__(self) -> None:
+        sizes = {len(self.times), len(self.positions), len(self.velocities)}
+        if len(sizes) > 1 or len(self.times) < 2:
+            raise InputError('a trajectory needs at least two points, each with position and '
+                             'velocity')
+        if not np.isfinite([*self.times, *self.positions, *self.velocities]).all():
+            raise InputError('the trajectory contains a number that is not finite')
+        if not (np.diff(self.times) > 0.0).all() or self.times[0] < 0.0:
+            raise InputError('the times of the trajectory do not ascend')
+        if self.times[-1] > _LONGEST:
+            raise InputError(f'the trajectory takes {self.times[-1]:.4g} s; the limit is '
+                             f'{_LONGEST:g} s')
+        if any(abs(end) > 1e-6 for end in (self.velocities[0], self.velocities[-1])):
+            raise InputError('the trajectory does not begin and end at rest')
+        object.__setattr__(self, 'motion_range', float(np.ptp(self.positions)))
+        top = max(float(np.abs(self.velocities).max()),
+                  float(np.abs(np.diff(self.positions) / np.diff(self.times)).max()))
+        object.__setattr__(self, 'speeds', (0.3 * top, top))
+        if not self.motion_range > 0.0:
+            raise InputError('the trajectory does not move the joint')
+        for name, value in (('motion_range', self.motion_range), ('speeds', top),
+                            ('ramp_slope', self.ramp_slope), ('ramp_period', self.ramp_period)):
+            if value is not None:
+                check_field(name, value)
 
-    @property
-    def standard_deviations(self) -> np.ndarray:
-        """Standard deviations of the current, A, shape (N,)."""
-        return np.array([point.standard_deviation for point in self.points])
-
-    @property
-    def coefficients(self) -> tuple[float, ...]:
-        """c1..c6 of Eq. 6 with velocity in rad/s."""
-        return self.sigmoid.coefficients()
-
-    def model(self, drive: Drive, joint: str = '',
-              position_limits: tuple[float, float] | None = None,
-              carrying: Sequence[Effect] = (), arm: Arm | None = None) -> FrictionModel:
-        """Return the `FrictionModel` of the drive; it is not saved.
-
-        `carrying` are the effects whose current was `carried`, and `arm` what they need: they
-        remain part of the model, and breakaway is what it takes beside them, at any position.
-        """
-        breakaway = self.breakaway if not carrying else replace(
-            self.breakaway, positive_position=None, negative_position=None)
-        return FrictionModel(
-            drive=drive, position_limits=position_limits, joint=joint,
-            sigmoid=self.sigmoid, breakaway=breakaway, presliding=self.presliding,
-            effects=list(carrying), arm=arm if carrying else None,
-            lookup_table={name: getattr(self, name).tolist() for name in (
-                'speeds', 'currents', 'standard_deviations')},
-            notes={
-                'source': 'identification: constant velocities and current ramps',
-                'sigmoid_error': self.sigmoid_error,
-                'motion_range': self.goal.motion_range,
-                'ramp_slope': self.goal.ramp_slope,
-                'ramp_period': self.goal.ramp_period,
-                'breakaway_cycles': self.goal.breakaway_cycles,
-                'drift': [{'speed': speed, 'share': share} for speed, share in self.drift.items()],
-                'warnings': list(self.warnings),
-            })
+    def cycle(self, speed: float) -> tuple[float, float]:
+        """Return duration in s and width in rad of a cycle with the trajectory's acceleration."""
+        steep = float(np.abs(np.diff(self.velocities) / np.diff(self.times)).max())
+        duration = 10.0 * speed / max(steep, 1e-6)
+        return duration, 0.4 * speed * duration

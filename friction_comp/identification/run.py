@@ -1,34 +1,35 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Identification of a drive, sample by sample (note, sections 2.3 and 2.4).
+"""Identification of a drive, sample by sample (note, sections 2.3 and 2.4), and trajectories.
 
-A ROS node or a plain loop runs the procedure by calling `IdentificationRun.update` with every
-sample. The movements are generators that yield currents and receive samples, one sample for each
-``yield``: `IdentificationRun._movements` is the whole procedure in order, the methods below it
-are its steps. Measurements are stored in attributes.
+A ROS node or a plain loop runs the procedure by calling `update` with every sample. The movements
+are generators that yield currents and receive samples, one sample for each ``yield``:
+`IdentificationRun._movements` is the whole procedure in order, the methods below it are its steps.
+Measurements are stored in attributes.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from dataclasses import replace
 import math
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification import agreement, breakaway as stairs, velocity_control as control
-from friction_comp.identification.agreement import Cycle
+from friction_comp.identification import cycles as twice, ramps as stairs, result as doubts
+from friction_comp.identification.cycles import Cycle
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
-    IdentificationResult,
+    TrajectoryGoal,
 )
-from friction_comp.identification.inertia import Inertia, steadiest_inertia, without_lag
-from friction_comp.identification.kinetic import cycle_position, cycle_velocity, Sample, sample_rows
-from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
+from friction_comp.identification.inertia import steadiest_inertia, without_lag
+from friction_comp.identification.profiles import cycle_state, Sample, sample_rows
+from friction_comp.identification.result import IdentificationResult
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import (
     OscillationError,
@@ -37,27 +38,64 @@ from friction_comp.identification.supervised_run import (
     SupervisedRun,
     TooSlowError,
 )
-from friction_comp.identification.supervision import check_curve, check_load
 from friction_comp.statistics import evenly_spread, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
 # moved by more than so many counts. A ramp ends when it has slid this far, rad, at this speed or
 # since its last rest: a rotor that crosses backlash also slides, and is then stopped.
-CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
-# Stick-slip needs higher gains; lag, or a heavy link that oscillates against its rotor, lower ones.
-GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
-# Share of friction by which the curve of Eq. 6 may be off it without a warning, RMS.
-CURVE_SHARE = 0.03
-_TYPICAL = 'the inertia could not be estimated; a typical one was assumed'
-_ONE_RAMP = ('breakaway was measured once in each direction: how much it scatters is not known, '
-             'and its standard deviation of 0 means nothing. Request four breakaway_cycles or more')
-REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
-# Ramps start up to this share of the motion range off its centre, to average out cogging.
-PLACES_SHARE = 0.015
-# Share of a push's current, read late, that surely holds; share of the ramps that may be repeated.
-_PUSH_HOLDS, _MOST_LOST = 0.8, 0.2
-# Share of the drive's limit that friction and acceleration may take together.
-_USED_CURRENT = 0.9
+_CUT_SPEED, _CUT_WINDOW, _CUT_COUNTS, _CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
+# Lag, or a heavy link that oscillates against its rotor, needs lower gains.
+_GAIN_LADDER = (1.0, 0.3, 0.1)
+# Share by which a cycle may miss its speed, or leave a straight line; share of the scatter that
+# other gains must leave to be the better ones.
+_HELD, _STEADIER = 0.1, 0.7
+# Share of the ramp period at zero current after each ramp, as in Eq. 8; ramps start up to this
+# share of the motion range off its centre, to average out cogging.
+_REST_SHARE, _PLACES = 0.1, 0.015
+# Share of a push's current, read late, that surely holds; share of the ramps that may be repeated;
+# share of the drive's limit that friction and acceleration may take together.
+_PUSH_HOLDS, _MOST_LOST, _USED_CURRENT = 0.8, 0.2, 0.9
+# Shares of a trajectory's range by which the joint may leave it, be pushed first, and lag behind.
+_BEYOND, _PUSHED, _BEHIND = 0.025, 0.1, 0.1
+# Factors by which the inertia of the cycles may differ from that of a push, and from a typical one.
+_FROM_PUSH, _FROM_TYPICAL = 5.0, 50.0
+
+
+class TrajectoryRun(SupervisedRun):
+    """One trajectory, from standstill to zero current; see `SupervisedRun`.
+
+    First the joint is broken free and pushed briefly at its present position. Then it travels to
+    the first point, follows the trajectory, and stops.
+    """
+
+    goal: TrajectoryGoal
+
+    def __init__(self, goal: TrajectoryGoal, drive: Drive, torque: bool = False) -> None:
+        super().__init__(goal, drive, torque)
+        self._began: float | None = None
+        self._path = CubicHermiteSpline(goal.times, goal.positions, goal.velocities)
+        self._speed = self._path.derivative()
+
+    def _bounds(self) -> tuple[float, float]:
+        width, places = self.goal.motion_range, self.goal.positions
+        return (min(min(places) - _BEYOND * width, self.start - _PUSHED * width),
+                max(max(places) + _BEYOND * width, self.start + _PUSHED * width))
+
+    def _time_left(self) -> float:
+        if self._began is None:
+            return self.goal.times[-1] + 5.0 * STILL_TIME
+        return max(0.0, self._began + self.goal.times[-1] - self.sample.time)
+
+    def _movements(self) -> Generator[float, Sample, None]:
+        goal = self.goal
+        yield from self._travel(goal.positions[0])
+        self.phase, self._began = 'trajectory', self.sample.time
+        yield from self._follow(self._reference, goal.times[-1], _BEHIND * goal.motion_range,
+                                goal.speeds[-1])
+
+    def _reference(self, time: float) -> tuple[float, float]:
+        time = max(time, self.goal.times[0])
+        return float(self._path(time)), float(self._speed(time))
 
 
 class IdentificationRun(SupervisedRun):
@@ -85,18 +123,13 @@ class IdentificationRun(SupervisedRun):
         super().__init__(goal, drive, torque)
         self.cycles: list[Cycle] = []      # at each speed, the lowest first: the look-up table
         self.repeated: list[Cycle] = []    # at the speeds driven once more after the ramps
-        self.ramps: list[Ramp] = []
-        self._highest_gain = math.inf      # largest factor of GAIN_LADDER that may be used
-        self._uneven = False               # whether the current varies at any gain
+        self.ramps: list[stairs.Ramp] = []
         self._held: dict[int, list[float]] = {1: [], -1: []}    # largest currents that held, A
         self._ramp_time, self._lost = 0.25 * goal.ramp_period + 3.0, 0
         # Every speed, then the lowest, the middle and the top one again, each once.
-        again = {goal.speeds[k] for k in (0, len(goal.speeds) // 2, -1)}
-        self._to_drive, self._again = list(goal.speeds), sorted(again)
+        self._to_drive = list(goal.speeds)
+        self._again = sorted({goal.speeds[k] for k in (0, len(goal.speeds) // 2, -1)})
         self._result: IdentificationResult | None = None
-        # Compile the function of the control loop before the first sample arrives.
-        control.velocity_controller_step(
-            control.Controller(1.0, 1.0), control.velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
 
     def _bounds(self) -> tuple[float, float]:
         half = 0.5 * self.goal.motion_range
@@ -111,7 +144,9 @@ class IdentificationRun(SupervisedRun):
 
     def _movements(self) -> Generator[float, Sample, None]:
         self._leave_out_fast()
-        yield from self._velocities(self._to_drive, self.cycles)
+        while self._to_drive:
+            yield from self._measure_speed(self._to_drive[0])
+            self._to_drive.pop(0)
         self.warnings += filter(None, [self.supervision.encoder_fault()])
         if len(self.cycles) < 2:
             raise IdentificationError('too few speeds could be held: ' + '; '.join(self.warnings))
@@ -126,15 +161,22 @@ class IdentificationRun(SupervisedRun):
                         yield from self._travel(self.start)
                     self.phase = 'breakaway'
                     yield from self._breakaway(sign)
-        # Before, speeds rose with time: what changes with time would be taken for viscous friction.
-        driven = {cycle.speed for cycle in self.cycles}
-        self._again = [speed for speed in self._again if speed in driven]
-        yield from self._velocities(self._again, self.repeated)
+        # With the gains of the first time: what changed is then the drive.
+        for first_cycle in [cycle for cycle in self.cycles if cycle.speed in self._again]:
+            again = yield from self._one_cycle(first_cycle.speed, first_cycle.factor)
+            self._again.remove(first_cycle.speed)
+            self.repeated += [] if again is None else [again]
 
     def _place(self, index: int) -> float:
         """Return the start in rad of the next ramps; any number of them is evenly spread."""
         share = 2.0 * ((0.5 + evenly_spread(index)) % 1.0) - 1.0
-        return self.start + share * PLACES_SHARE * self.goal.motion_range
+        return self.start + share * _PLACES * self.goal.motion_range
+
+    # Constant velocities.
+
+    def _leave_out(self, speed: float, why: str) -> None:
+        self.warnings.append(f'{speed:g} rad/s left out: {why}')
+        self._again = [again for again in self._again if again != speed]
 
     def _leave_out_fast(self) -> None:
         """Take speeds off the list whose acceleration would need too much current."""
@@ -144,64 +186,45 @@ class IdentificationRun(SupervisedRun):
             if needed <= _USED_CURRENT * limit:
                 return
             self._to_drive.remove(speed)
-            self._left_out(speed, f'within {self.goal.motion_range:g} rad it would take about '
-                           f'{self.say(needed)} to accelerate, more than {_USED_CURRENT:.0%} of '
-                           f'the current limit of {self.say(limit)}: widen the range')
+            self._leave_out(speed, f'within {self.goal.motion_range:g} rad it would take about '
+                            f'{self.say(needed)} to accelerate, more than {_USED_CURRENT:.0%} of '
+                            f'the current limit of {self.say(limit)}: widen the range')
 
-    def _left_out(self, speed: float, why: str) -> None:
-        self.warnings.append(f'{speed:g} rad/s left out: {why}')
-
-    def _velocities(self, speeds: list[float], driven: list[Cycle]
-                    ) -> Generator[float, Sample, None]:
-        """Drive each speed, add its cycle to `driven`, and take the speed off the list."""
-        while speeds:
-            why = self.goal.too_short(speeds[0], self.supervision.step)
-            best = None if why else (yield from self._constant_velocity(speeds[0]))
-            speed = speeds.pop(0)
-            if best is None:
-                why = why or f'stick-slip, or the joint oscillates{self._why_slow()}'
-                self._left_out(speed, why)
-                continue
-            driven.append(best)
-            if driven is self.cycles:
-                self.commanded_points.extend(best.commanded)
-                self._update_friction()
-
-    def _constant_velocity(self, speed: float) -> Generator[float, Sample, Cycle | None]:
-        """Drive cycles until a controller gain is steady; return the best, None if none was."""
+    def _measure_speed(self, speed: float) -> Generator[float, Sample, None]:
+        """Drive cycles at a speed until a controller gain is steady, and keep the best."""
+        if why := self.goal.too_short(speed, self.supervision.step):
+            self._leave_out(speed, why)
+            return
         best = None
-        for factor in GAIN_LADDER:
-            if factor > self._highest_gain:
-                continue
+        for factor in _GAIN_LADDER:
             driven = yield from self._one_cycle(speed, factor)
-            if driven is None:
-                continue
-            scatter = driven.scatter
-            if best is not None and scatter > 0.7 * best.scatter:
-                # The controller is not the cause: friction itself varies.
-                self._uneven, self._highest_gain = True, math.inf
+            if driven is not None and (
+                    best is None or driven.scatter < _STEADIER * best.scatter):
+                best = driven
+            if best is not None and best.scatter <= twice.MAX_SCATTER:
                 break
-            best = driven
-            if self._uneven or scatter <= agreement.MAX_SCATTER:
-                break
-            # Higher gains would only cause more oscillation, at other speeds too.
-            self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
-        return best
+        if best is None:
+            self._leave_out(speed, f'stick-slip, or the joint oscillates{self._why_slow()}')
+            return
+        self.cycles.append(best)
+        self.commanded_points.extend(best.commanded)
+        self._update_friction()
 
     def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, Cycle | None]:
-        """Run one cycle of Eq. 3; return both directions' currents, None if speed oscillated."""
+        """Run one cycle of Eq. 3; return None if the joint did not hold its speed."""
         duration, width = self.goal.cycle(speed)
         yield from self._travel(self.start - 0.5 * width)
         self.phase = 'velocity'
         start = self.sample.position
 
         def reference(t: float) -> tuple[float, float]:
-            return start + cycle_position(t, speed, duration), cycle_velocity(t, speed, duration)
+            moved, velocity = cycle_state(t, speed, duration)
+            return start + moved, velocity
 
-        allowance = max(0.05 * self.goal.motion_range, 0.25 * width)
         try:
             begin, driven, commands = yield from self._follow(
-                reference, duration, allowance, speed, factor)
+                reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed,
+                factor)
         except OscillationError as error:
             yield from self._calm(error)
             return (yield from self._one_cycle(speed, factor))
@@ -211,14 +234,15 @@ class IdentificationRun(SupervisedRun):
         if np.mean(np.isfinite(driven[:, 2])) < 0.95:
             raise IdentificationError('the measured current is not finite')
         try:
-            cycle = Cycle.measured(
-                begin, duration, speed, driven, np.array(commands), self.acceleration)
+            cycle = Cycle.measured(begin, duration, speed, driven, np.array(commands),
+                                   self.acceleration, factor=factor)
         except InputError as error:
             raise IdentificationError(str(error)) from None
-        if any(abs(point.actual_speed / point.speed - 1.0) > 0.1 or point.unsteadiness > 0.1
-               for point in cycle.points):
-            return None
-        return cycle
+        held = all(abs(point.actual_speed / point.speed - 1.0) <= _HELD
+                   and point.unsteadiness <= _HELD for point in cycle.points)
+        return cycle if held else None
+
+    # Breakaway.
 
     def _breakaway(self, sign: int) -> Generator[float, Sample, None]:
         """Find the largest current that holds, on one ramp; repeat it if no stair held."""
@@ -230,18 +254,19 @@ class IdentificationRun(SupervisedRun):
             if ramp is not None:
                 break
             self._lost += 1
-            first *= stairs.FIRST_STAIR
+            first = stairs.first_stair([first])
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.say(level)}, although '
-                    f'more held it before; {agreement.why_unreliable(self.cycles[0])}')
+                    'more held it before: it is pushed, or its friction varies with place or time')
         held.append(level)
         self.ramps.append(ramp)
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
 
-    def _ramp(self, sign: int, stair: float) -> Generator[float, Sample, tuple[Ramp | None, float]]:
+    def _ramp(self, sign: int, stair: float
+              ) -> Generator[float, Sample, tuple[stairs.Ramp | None, float]]:
         """Raise the current, A, from `stair` until the joint slides away; return ramp and level."""
-        yield from self._standstill(max(STILL_TIME, REST_SHARE * self.goal.ramp_period))
+        yield from self._standstill(max(STILL_TIME, _REST_SHARE * self.goal.ramp_period))
         watch = _Slide(self.sample, sign, self._resolution, 0.2 * self.goal.motion_range)
         current, held, level = 0.0, None, stair
         pauses: list[float] = []
@@ -260,7 +285,7 @@ class IdentificationRun(SupervisedRun):
         before, self._slid = self._slid, sign
         if held is None:
             return None, stair
-        return Ramp(sign, before, sample_rows(watch.samples), held, pauses), level
+        return stairs.Ramp(sign, before, sample_rows(watch.samples), held, pauses), level
 
     def _rise(self, low: float, high: float, watch: _Slide) -> Generator[float, Sample, None]:
         """Raise the current from `low` to `high`, A, without shaking the joint."""
@@ -290,6 +315,8 @@ class IdentificationRun(SupervisedRun):
         watch.slides = True
         return None
 
+    # The result.
+
     def result(self) -> IdentificationResult:
         """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
 
@@ -305,58 +332,47 @@ class IdentificationRun(SupervisedRun):
         return self._result
 
     def _evaluate(self) -> IdentificationResult:
-        slopes = agreement.position_slopes(self.cycles)
-        inertia = self._inertia(agreement.levelled(self.cycles, slopes))
+        slopes = twice.position_slopes(self.cycles)
+        inertia = steadiest_inertia(
+            [cycle.samples for cycle in twice.levelled(self.cycles, slopes)])
+        # A push that moved the joint is right within tens of percent, unless a sensor is late.
+        wide = _FROM_TYPICAL if self._inertia_is_typical else _FROM_PUSH
+        if inertia and not 1.0 / wide < inertia.acceleration_per_current / self.acceleration < wide:
+            inertia = None
         acceleration, lag = inertia[:2] if inertia else (self.acceleration, 0.0)
         # An inertia that is not known must not correct anything.
-        cycles, repeated = (
-            agreement.levelled([cycle.again(acceleration if inertia else math.inf, lag)
-                                for cycle in driven], slopes)
+        cycles, repeated = (twice.levelled(
+            [cycle.again(acceleration if inertia else math.inf, lag) for cycle in driven], slopes)
             for driven in (self.cycles, self.repeated))
-        points, drift = agreement.without_drift(cycles, repeated)
+        points, drift = twice.without_drift(cycles, repeated)
         sigmoid, error = fit_sigmoid([p.actual_speed for p in points], [p.current for p in points])
         # The table is that of the speeds that were requested.
         points = sorted((replace(point, current=point.current + float(
             sigmoid(point.speed) - sigmoid(point.actual_speed))) for point in points),
             key=lambda point: point.speed)
-        ramps = evaluate_ramps(
+        # The encoder's step: that of the drive, or a coarser one that was seen.
+        seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
+        found = stairs.evaluate_ramps(
             [ramp._replace(samples=without_lag(ramp.samples, lag)) for ramp in self.ramps],
-            self._finest_step(), acceleration, sigmoid.viscous)
-        breakaway = ramps.records.statistics()
-        wrong, doubtful = check_load(
-            points, (breakaway.positive_mean, breakaway.negative_mean),
-            max(breakaway.positive_std, breakaway.negative_std), self.say)
-        if wrong:
-            raise IdentificationError(wrong)
+            max(self._resolution, min(filter(None, seen), default=0.0)), acceleration,
+            sigmoid.viscous)
+        breakaway, misfit = found.records.statistics(), doubts.curve_misfit(points, sigmoid)
+        warnings = list(self.warnings)
+        if self._inertia_is_typical and not inertia:
+            warnings.append('the inertia could not be estimated; a typical one was assumed')
+        warnings += [
+            *doubts.doubts_of_cycles(cycles, repeated, inertia, drift), *found.warnings,
+            *doubts.doubts_of_ramps(breakaway, points, self.goal.breakaway_cycles,
+                                    self.supervision.step, found.presliding, self.say),
+            *doubts.doubts_of_positions(self.cycles, self.repeated),
+            *doubts.doubts_of_curve(points, sigmoid, misfit, self.say)]
         return IdentificationResult(
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
-            records=ramps.records, acceleration_per_current=acceleration,
+            records=found.records, acceleration_per_current=acceleration,
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
-            warnings=[*self.warnings,
-                      *([_TYPICAL] if self._inertia_is_typical and not inertia else []),
-                      *agreement.check_currents(cycles), *agreement.say_scatter(cycles),
-                      *agreement.say_lag(lag), *agreement.say_swing(inertia),
-                      *([] if inertia else agreement.say_unsettled(self.cycles, cycles)),
-                      *agreement.say_drift(drift),
-                      *([_ONE_RAMP] if self.goal.breakaway_cycles == 1 else []), *ramps.warnings,
-                      *agreement.say_unseen_creep(cycles[0], self.ramps, self._resolution),
-                      *agreement.check_positions(self.cycles, self.repeated),
-                      *filter(None, [doubtful]),
-                      *check_curve(points, sigmoid, CURVE_SHARE, self.say)],
-            drift=drift, presliding=ramps.presliding, backlash=ramps.backlash)
-
-    def _finest_step(self) -> float:
-        """Return the encoder's step in rad: that of the drive, or a coarser one that was seen."""
-        seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
-        return max(self.drive.position_resolution or 1e-6, min(filter(None, seen), default=0.0))
-
-    def _inertia(self, cycles: Sequence[Cycle]) -> Inertia | None:
-        """Return k_t·n/J and the lag of the current from the cycles, if they show it."""
-        found = steadiest_inertia([cycle.samples for cycle in cycles])
-        # A push that moved the joint is right within tens of percent, unless a sensor is late.
-        wide = 50.0 if self._inertia_is_typical else 5.0
-        ratio = found.acceleration_per_current / self.acceleration if found else 0.0
-        return found if 1.0 / wide < ratio < wide else None
+            uncertainty=doubts.uncertainty_of(cycles, repeated, misfit),
+            warnings=warnings,
+            drift=drift, presliding=found.presliding, backlash=found.backlash)
 
 
 class _Slide:
@@ -373,15 +389,15 @@ class _Slide:
         self.samples.append(sample)
         self._window.append(sample)
         moved = self.sign * (sample.position - self.home)
-        if (moved <= CUT_COUNTS * self._resolution
-                or speed_over(self._window, self.sign, CUT_WINDOW) <= CUT_SPEED):
+        if (moved <= _CUT_COUNTS * self._resolution
+                or speed_over(self._window, self.sign, _CUT_WINDOW) <= _CUT_SPEED):
             self._began = None
         elif self._began is None:
             self._began = moved
         self.gone = (moved > self._farthest
-                     or (self._began is not None and moved > self._began + CUT_DISTANCE)
+                     or (self._began is not None and moved > self._began + _CUT_DISTANCE)
                      or (self.slides and self.sign * (sample.position - self._rested)
-                         > max(CUT_DISTANCE, CUT_COUNTS * self._resolution)))
+                         > max(_CUT_DISTANCE, _CUT_COUNTS * self._resolution)))
 
     def rest(self) -> None:
         """Take note that the joint came to rest."""

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fit of the kinetic friction curve, Eq. 6, to the look-up table by the L1 error of Eq. 7.
 
-For a given steepness and shift of the transition, the curve is linear in the other parameters. So
-only these two are searched: on a grid with transitions around every point of the table, then by a
-pattern search from the best of each steepness. No initial guess is needed. Many transitions are
-fitted at once by reweighted least squares, the final one exactly by linear programming.
+For a given steepness and shift of the transition, the curve is linear in the other parameters, and
+reweighted least squares find those, and in the end linear programming. So only these two are
+searched: on a grid with transitions around every point of the table, then closer and closer around
+the best ones. No initial guess is needed.
 
 If the transition is steeper than the table resolves, all transitions within a gap fit equally well.
 The one returned is centred as near to zero as the error allows, and as gentle, but ends at the
@@ -25,28 +25,21 @@ from scipy import optimize, sparse
 from friction_comp.errors import InputError
 from friction_comp.model.sigmoid import Sigmoid
 
-TOLERANCE = 3e-4
-"""Share by which the error may increase for a transition that is centred and gentle."""
-CENTRED = 0.1
-"""Share of the largest current by which the error may increase for a transition that is centred
-within a quarter of the lowest speed. Means at constant velocity scatter by a tenth of it; where a
-table shows another centre, it has a point between, which is off by friction.
-"""
-
-_ENDS = math.radians(5.0)
-"""rad/s at which a transition that no speed resolves has ended; in drives it ends at 1 to 5 deg/s.
-"""
-_ENDED = 2.0 * math.atanh(0.98)
+# Shares by which the error may increase: for a transition that is centred and gentle; and, of the
+# largest current, for one that is centred within a quarter of the lowest speed. Means at constant
+# velocity scatter by a tenth of that; where a table shows another centre, it has a point between,
+# which is off by friction.
+_TOLERANCE, _CENTRED = 3e-4, 0.1
+# rad/s at which a transition that no speed resolves has ended (in drives, at 1 to 5 deg/s), and
+# that end in units of one over the steepness.
+_ENDS, _ENDED = math.radians(5.0), 2.0 * math.atanh(0.98)
 # So few points leave the five parameters of Eq. 6 open: the transition is the usual one.
 _FEW = 6
-
-# Rounds of reweighting: enough to rank transitions and to agree with linear programming.
-_RANK, _CLOSE = 12, 45
-_ROUNDS = 40
-# A longer table is condensed for the search: the time of a search grows with its points.
-_MOST_POINTS = 200
-# Steps of the pattern search, in units of one over the steepness.
-_STEP = np.array([(a, b) for a in (-1.0, -0.3, 0.0, 0.3, 1.0) for b in (-1.0, -0.3, 0.0, 0.3, 1.0)])
+# Rounds of reweighting: enough to rank transitions and to agree with linear programming. Rounds of
+# the closer search, each with steps of this share of those before.
+_RANK, _CLOSE, _ROUNDS, _CLOSER = 12, 45, 14, 0.6
+_STEPS = np.array([(a, b) for a in (-1.0, -0.5, 0.0, 0.5, 1.0) for b in (-1.0, -0.5, 0.0, 0.5, 1.0)
+                   ])
 
 
 def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]:
@@ -68,12 +61,10 @@ def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]
     unit = float(np.max(np.abs(speeds)))
     height = float(np.max(np.abs(currents))) or 1.0
     x, y = speeds / unit, currents / height
-    few_x, few_y = _condense(x, y)
-    transition = _well_behaved(few_x, few_y, *_search(few_x, few_y, np.unique(few_x)), _ENDS / unit)
-    middle, half, viscous = _exact(x, y, *transition) * height
+    steepness, shift = _well_behaved(x, y, *_search(x, y), _ENDS / unit)
+    middle, half, viscous = _exact(x, y, steepness, shift) * height
     sigmoid = Sigmoid(upper=float(middle + half), lower=float(middle - half),
-                      steepness=transition[0] / unit, shift=transition[1] * unit,
-                      viscous=float(viscous / unit))
+                      steepness=steepness / unit, shift=shift * unit, viscous=float(viscous / unit))
     return sigmoid, sigmoid_error(sigmoid, speeds, currents)
 
 
@@ -82,32 +73,16 @@ def sigmoid_error(sigmoid: Sigmoid, speeds: ArrayLike, currents: ArrayLike) -> f
     return float(np.sum(np.abs(np.asarray(currents) - sigmoid(speeds))))
 
 
-def _condense(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the medians of neighbouring points of each sign of x, where there are many points."""
-    if len(x) <= _MOST_POINTS:
-        return x, y
-    groups = []
-    for side in (x < 0.0, x == 0.0, x > 0.0):
-        order = np.nonzero(side)[0][np.argsort(x[side])]
-        # Keep the speeds of a sign that has only few.
-        count = min(len(order), max(20, int(_MOST_POINTS * len(order) / len(x))))
-        groups += np.array_split(order, count) if count else []
-    few = np.array([(np.median(x[group]), np.median(y[group])) for group in groups])
-    return few[:, 0], few[:, 1]
-
-
-def _columns(x: np.ndarray, steepness: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Return the columns 1, share, speed for G transitions, shape (G, N, 3)."""
-    share = np.tanh(0.5 * steepness[:, None] * (x - shift[:, None]))
-    return np.stack([np.ones_like(share), share, np.broadcast_to(x, share.shape)], axis=2)
-
-
-def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray, rounds: int
+def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: ArrayLike, rounds: int
          ) -> tuple[np.ndarray, np.ndarray]:
-    """Return L1 error, (G,), and coefficients, (G, 3), of transitions: reweighted least squares."""
+    """Return L1 error, (G,), and coefficients, (G, 3), of transitions: reweighted least squares.
+
+    The columns are 1, tanh of half the steepness times the distance from the shift, and x.
+    """
     best, kept = np.full(len(steepness), np.inf), np.zeros((len(steepness), 3))
+    shifts = np.ascontiguousarray(np.broadcast_to(shift, len(steepness)), dtype=float)
     _reweight(np.ascontiguousarray(x), np.ascontiguousarray(y), np.ascontiguousarray(steepness),
-              np.ascontiguousarray(shift), rounds, best, kept)
+              shifts, rounds, best, kept)
     return best, kept
 
 
@@ -156,59 +131,50 @@ def _reweight(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.nda
 
 
 def _exact(x: np.ndarray, y: np.ndarray, steepness: float, shift: float) -> np.ndarray:
-    """Return the coefficients with the smallest L1 error for a transition, shape (3,)."""
-    columns, count = _columns(x, np.array([steepness]), np.array([shift]))[0], len(x)
+    """Return the coefficients with the smallest L1 error for a transition: linear programming."""
+    columns = np.column_stack([np.ones_like(x), np.tanh(0.5 * steepness * (x - shift)), x])
+    beside = sparse.eye(len(x))
     return np.asarray(optimize.linprog(
-        np.concatenate([np.zeros(3), np.ones(2 * count)]),
-        A_eq=sparse.hstack([columns, sparse.eye(count), -sparse.eye(count)]), b_eq=y,
-        bounds=[(None, None)] * 3 + [(0, None)] * (2 * count)).x[:3])
+        np.concatenate([np.zeros(3), np.ones(2 * len(x))]),
+        A_eq=sparse.hstack([columns, beside, -beside]), b_eq=y,
+        bounds=[(None, None)] * 3 + [(0, None)] * (2 * len(x))).x[:3])
 
 
-def _search(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+def _search(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Return steepness and shift with the smallest error; speeds are scaled to [-1, 1]."""
+    values = np.unique(x)
     steepest = 40.0 / float(np.min(np.diff(values)))
     steepness = np.geomspace(0.5, steepest, 24)
     # Steep transitions only differ near a point.
-    places = values[np.unique(np.linspace(0, len(values) - 1, 40).astype(int))]
-    beside = places[:, None, None] + np.array([-5.0, -2.0, -0.6, 0.6, 2.0, 5.0]) / steepness[
-        :, None]
-    shift = np.concatenate((np.swapaxes(beside, 0, 1).reshape(len(steepness), -1),
-                            np.broadcast_to(np.linspace(-1.0, 1.0, 41), (len(steepness), 41)),
-                            np.zeros((len(steepness), 1))), axis=1).clip(-1.0, 1.0)
-    grid = np.repeat(steepness, shift.shape[1])
-    errors = _fit(x, y, grid, shift.ravel(), _RANK)[0].reshape(shift.shape)
-    order = np.argsort(errors, axis=1)[:, :2]
-    now = np.column_stack((np.repeat(steepness, 2), np.take_along_axis(shift, order, 1).ravel()))
-    error, reach = np.full(len(now), np.inf), np.full(len(now), 0.5)
-    for k in range(_ROUNDS):
-        trial = np.stack((
-            now[:, :1] * np.exp(reach[:, None] * _STEP[:, 0]),
-            now[:, 1:] + reach[:, None] * _STEP[:, 1] / now[:, :1]), axis=2)
-        trial[..., 0] = trial[..., 0].clip(0.5, steepest)
-        trial[..., 1] = trial[..., 1].clip(-1.0, 1.0)
+    beside = values[:, None] + np.array([-5.0, -2.0, -0.6, 0.6, 2.0, 5.0])[:, None, None] / (
+        steepness)
+    shift = np.concatenate([beside.reshape(-1, len(steepness)),
+                            np.repeat(np.linspace(-1.0, 1.0, 41)[:, None], len(steepness), axis=1)])
+    shift = np.clip(shift, -1.0, 1.0)
+    errors = _fit(x, y, np.tile(steepness, len(shift)), shift.ravel(), _RANK)[0]
+    order = np.argsort(errors.reshape(shift.shape), axis=0)[:2]
+    now = np.column_stack([np.tile(steepness, 2), np.take_along_axis(shift, order, 0).ravel()])
+    reach = 1.0
+    for _ in range(_ROUNDS):
+        trial = np.stack([
+            np.clip(now[:, :1] * np.exp(reach * _STEPS[:, 0]), 0.5, steepest),
+            np.clip(now[:, 1:] + reach * _STEPS[:, 1] / now[:, :1], -1.0, 1.0)], axis=2)
         tried = _fit(x, y, trial[..., 0].ravel(), trial[..., 1].ravel(), _CLOSE)[0].reshape(
             trial.shape[:2])
-        best_trial = np.argmin(tried, axis=1)
-        least = tried[np.arange(len(now)), best_trial]
-        reach[~(least < error * (1.0 - 1e-6))] *= 0.4
-        now, error = trial[np.arange(len(now)), best_trial], np.minimum(error, least)
-        # Half of the starts are continued in each round, until a few are left.
-        keep = np.argsort(error)[:max(6, len(now) // 2 if k % 4 == 3 else len(now))]
-        now, error, reach = now[keep], error[keep], reach[keep]
-        if reach.max() < 1e-3:
-            break
+        best = np.argmin(tried, axis=1)
+        # Half of the starts are continued, until a few are left.
+        few = np.argsort(tried.min(axis=1))[:max(6, len(now) // 2)]
+        now = trial[few, best[few]]
+        reach *= _CLOSER
 
     def at(point: np.ndarray) -> float:
-        k = np.array([now[0, 0] * np.exp(np.clip(point[0], -1.0, 1.0))])
-        return float(_fit(x, y, k, now[:1, 1] + point[1:] / k, _CLOSE)[0][0])
-    step = 3.0 * max(float(reach[0]), 1e-4)
-    polished = optimize.minimize(at, np.zeros(2), method='Nelder-Mead', options={
-        'xatol': 1e-7, 'fatol': 1e-12, 'initial_simplex': step * np.array(
-            [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])})
-    if polished.fun < error[0]:
-        best = float(now[0, 0] * np.exp(np.clip(polished.x[0], -1.0, 1.0)))
-        return min(best, steepest), float(now[0, 1] + polished.x[1] / best)
-    return float(now[0, 0]), float(now[0, 1])
+        k = np.clip(now[:1, 0] * np.exp(point[0]), 0.5, steepest)
+        return float(_fit(x, y, k, now[0, 1] + point[1] / k, _CLOSE)[0][0])
+    # Along a valley, finer than the rounds.
+    moved = optimize.minimize(at, np.zeros(2), method='Nelder-Mead', options={
+        'fatol': 1e-12, 'initial_simplex': 0.1 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])}).x
+    best = float(np.clip(now[0, 0] * np.exp(moved[0]), 0.5, steepest))
+    return best, float(now[0, 1] + moved[1] / best)
 
 
 def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float, ends: float
@@ -218,23 +184,23 @@ def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float, 
     One that has ended at the lowest speed, or at `ends`, comes first. A falling viscous term must
     not make up for a gentler one: it has a lower bound.
     """
-    (error,), (best,) = _fit(x, y, np.array([steepness]), np.array([shift]), _CLOSE)
+    (error,), (best,) = _fit(x, y, np.array([steepness]), shift, _CLOSE)
     lowest = float(np.min(np.abs(x[x != 0.0])))
     limit, ended = 0.25 * lowest, _ENDED / min(lowest, ends)
     gentler = np.geomspace(0.5, max(4.0 * steepness, 2.0 * ended), 120)
     first = np.argsort(gentler < ended, kind='stable')
 
     def errors_at(centre: float) -> np.ndarray:
-        errors, coefficients = _fit(x, y, gentler, np.full(len(gentler), centre), _CLOSE)
+        errors, coefficients = _fit(x, y, gentler, centre, _CLOSE)
         return np.where(coefficients[:, 2] >= min(best[2], 0.0) - 1e-9, errors, math.inf)
     if abs(shift) > limit or x.size <= _FEW:
         for centre in np.linspace(0.0, math.copysign(limit, shift), 6).tolist():
             errors = errors_at(centre)
             least = float(errors[gentler >= ended].min() if x.size <= _FEW else errors.min())
-            if least <= error + CENTRED:
+            if least <= error + _CENTRED:
                 error, shift = least, centre
                 break
-    bound = error * (1.0 + TOLERANCE) + 1e-9 * x.size
+    bound = error * (1.0 + _TOLERANCE) + 1e-9 * x.size
     for centre in dict.fromkeys((shift * np.concatenate(([0.0], np.geomspace(1e-3, 1.0, 24)))
                                  ).tolist()):
         alike = errors_at(centre) <= bound

@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.effects import Effect, EFFECTS
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.statistics import rms, student_quantile
@@ -56,10 +56,9 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
     order = np.argsort(speeds[used], kind='stable')
     speeds, currents = speeds[used][order], currents[used][order]
     both = bool((speeds > 0.0).any() and (speeds < 0.0).any())
-    count = len(speeds)
-    if count < 5 or len(np.unique(np.abs(speeds))) < 2:
-        raise InputError(f'a table of steady states needs at least 5 rows with two speeds, not '
-                         f'{count}')
+    if len(speeds) < 5 or len(np.unique(np.abs(speeds))) < 2:
+        raise InputError('a table of steady states needs at least 5 rows with two speeds, not '
+                         f'{len(speeds)}')
     if not currents.any():
         raise InputError('all efforts are zero: there is no friction to fit')
     fits = [_Curve(speeds, currents, both, skewed, power)
@@ -68,38 +67,32 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
     best = min(fits, key=lambda fit: fit.criterion)
     return SteadyStates(
         speeds=speeds, currents=currents, values=best.values, intervals=best.intervals(),
-        model=best.model(drive), fit_rmse=rms(best.residual),
-        left_out_rmse=best.left_out(), plain_rmse=fits[0].left_out(), is_curved=best.is_curved())
+        model=best.model(drive), fit_rmse=rms(best.residual), left_out_rmse=best.left_out(),
+        plain_rmse=fits[0].left_out(), is_curved=best.is_curved())
 
 
 class _Curve:
     def __init__(self, speeds: np.ndarray, currents: np.ndarray, both: bool, skewed: bool,
                  power: float) -> None:
         self._speeds, self._currents, self._power = speeds, currents, power
-        self._names = ['coulomb', 'viscous', *(['offset'] if both else []),
-                       *(['viscous_asymmetry'] if skewed else [])]
-        size, sign = np.abs(speeds), np.sign(speeds)
-        columns = {'coulomb': sign, 'viscous': speeds, 'offset': np.ones_like(speeds),
-                   'viscous_asymmetry': size}
-        self._base = np.column_stack([columns[name] for name in self._names])
-        self._stribeck_speed = 0.0
+        columns = {'coulomb': np.sign(speeds), 'viscous': speeds}
+        columns |= {'offset': np.ones_like(speeds)} if both else {}
+        columns |= {'viscous_asymmetry': np.abs(speeds)} if skewed else {}
+        self._base = np.column_stack(list(columns.values()))
+        names, fading = [*columns, *(['stribeck'] if power else [])], 0.0
         if power:
-            self._names.append('stribeck')
             # As in the effect: from below the slowest to two thirds of the top speed.
+            size = np.abs(speeds)
             grid = np.geomspace(0.5 * size.min(), 0.7 * size.max(), 60)
-            error = [self._solve(speed)[1] for speed in grid]
-            k = int(np.clip(np.argmin(error), 1, len(grid) - 2))
-            self._stribeck_speed = float(minimize_scalar(
-                lambda speed: self._solve(speed)[1], bounds=(grid[k - 1], grid[k + 1]),
-                method='bounded').x)
-        coefficients, _ = self._solve(self._stribeck_speed)
-        self.values = dict(zip(self._names, map(float, coefficients)))
-        design = self._design(self._stribeck_speed)
-        self.residual = currents - design @ coefficients
+            k = int(np.clip(np.argmin([self._error(speed) for speed in grid]), 1, len(grid) - 2))
+            fading = float(minimize_scalar(
+                self._error, bounds=(grid[k - 1], grid[k + 1]), method='bounded').x)
+        design, coefficients, self.residual = self._solve(fading)
+        self.values = dict(zip(names, coefficients.tolist()))
         if power:
-            self.values['stribeck_speed'] = self._stribeck_speed
-            step = 1e-4 * self._stribeck_speed
-            slope = (self._design(self._stribeck_speed + step) - design)[:, -1] / step
+            self.values['stribeck_speed'] = fading
+            step = 1e-4 * fading
+            slope = (self._solve(fading + step)[0] - design)[:, -1] / step
             design = np.column_stack((design, coefficients[-1] * slope))
         self._jacobian = design
         count, free = design.shape
@@ -107,20 +100,21 @@ class _Curve:
         squares = max(float(self.residual @ self.residual), floor)
         # One more parameter is the scatter.
         spare = count - free - 2
-        allowed = spare > 0 and not (power and self.values['stribeck'] <= 0.0)
+        allowed = spare > 0 and self.values.get('stribeck', 1.0) > 0.0
         self.criterion = count * math.log(squares / count) + 2.0 * (free + 1) * count / spare \
             if allowed else math.inf
 
-    def _design(self, stribeck_speed: float) -> np.ndarray:
-        if not self._power:
-            return self._base
-        size = np.abs(self._speeds) / stribeck_speed
-        return np.column_stack((self._base, np.sign(self._speeds) * np.exp(-size ** self._power)))
-
-    def _solve(self, stribeck_speed: float) -> tuple[np.ndarray, float]:
-        design = self._design(stribeck_speed)
+    def _solve(self, fading: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return columns, coefficients and residual, with a Stribeck speed in rad/s."""
+        design = self._base
+        if self._power:
+            shape = np.exp(-(np.abs(self._speeds) / fading) ** self._power)
+            design = np.column_stack((design, np.sign(self._speeds) * shape))
         coefficients = np.linalg.lstsq(design, self._currents, rcond=None)[0]
-        return coefficients, float(np.sum((self._currents - design @ coefficients) ** 2))
+        return design, coefficients, self._currents - design @ coefficients
+
+    def _error(self, fading: float) -> float:
+        return rms(self._solve(fading)[2])
 
     def intervals(self) -> dict[str, tuple[float, float]]:
         """Return the 95 % intervals of the values."""
@@ -139,8 +133,7 @@ class _Curve:
         sides = [self.residual[self._speeds > 0.0], self.residual[self._speeds < 0.0]]
         alike = np.concatenate([side[1:] * side[:-1] for side in sides])
         squares = float(np.mean(self.residual ** 2))
-        return len(alike) >= _FEWEST_PAIRS and squares > (
-            _SMALL ** 2 * float(np.mean(self._currents ** 2))) and (
+        return len(alike) >= _FEWEST_PAIRS and squares > (_SMALL * rms(self._currents)) ** 2 and (
             float(np.mean(alike)) > 2.0 * squares / math.sqrt(len(alike)))
 
     def left_out(self) -> float:
@@ -153,15 +146,14 @@ class _Curve:
         value = self.values
         steepness = _STEEP / float(np.min(np.abs(self._speeds)))
         offset, coulomb = value.get('offset', 0.0), value['coulomb']
-        effects: list[Effect] = []
-        if 'stribeck' in value:
-            effects.append(EFFECTS['stribeck']({
-                'velocity': value['stribeck_speed'], 'exponent': self._power,
-                'transition': 2.0 / steepness, 'coefficients': [value['stribeck']]}))
-        if 'viscous_asymmetry' in value:
-            effects.append(EFFECTS['direction_asymmetry']({
-                'offset': 1.0, 'transition': 2.0 / steepness,
-                'coefficients': [0.0, value['viscous_asymmetry']]}))
+        effects = [EFFECTS['stribeck']({
+            'velocity': value['stribeck_speed'], 'exponent': self._power,
+            'transition': 2.0 / steepness, 'coefficients': [value['stribeck']]})
+        ] if 'stribeck' in value else []
+        effects += [EFFECTS['direction_asymmetry']({
+            'offset': 1.0, 'transition': 2.0 / steepness,
+            'coefficients': [0.0, value['viscous_asymmetry']]})
+        ] if 'viscous_asymmetry' in value else []
         means = {speed: self._currents[self._speeds == speed] for speed in np.unique(self._speeds)}
         return FrictionModel(
             drive, Sigmoid(offset + coulomb, offset - coulomb, steepness, 0.0, value['viscous']),

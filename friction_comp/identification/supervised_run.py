@@ -21,26 +21,24 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.facts.current import LATEST
 from friction_comp.identification import velocity_control as control
-from friction_comp.identification.controller_tuning import ControllerTuning
 from friction_comp.identification.goal import IdentificationError, MotionGoal
 from friction_comp.identification.inertia import acceleration_of_push
-from friction_comp.identification.kinetic import KineticPoint, Sample, sample_rows, travel_state
+from friction_comp.identification.profiles import KineticPoint, Sample, sample_rows, travel_state
 from friction_comp.identification.supervision import LEAST_SHARE, LONGEST_GAP, Supervision
 
-STILL_TIME = 0.2        # s of standstill required before each ramp
-_PATIENCE = 10.0        # longest time to come to rest, s
-# A joint is at rest if it moves by at most this many counts or this angle in rad.
-_STILL_COUNTS, _STILL_ANGLE = 2.5, 1e-5
-_PUSH_SPEED = 0.3       # speed at which the short push ends, rad/s
-# Fewest counts from which that speed, and the inertia, are computed.
-_SPEED_COUNTS, _PUSH_COUNTS = 4.0, 20.0
+STILL_TIME = 0.2
+"""s of standstill before each ramp."""
+# Longest time to come to rest, s; a joint is at rest if it moves by at most this many counts or
+# this angle in rad.
+_PATIENCE, _STILL_COUNTS, _STILL_ANGLE = 10.0, 2.5, 1e-5
+# Speed at which the short push ends, rad/s; fewest counts from which that speed, and the inertia,
+# are computed. A joint's own breakaway torque accelerates it typically so much, rad/s².
+_PUSH_SPEED, _SPEED_COUNTS, _PUSH_COUNTS, _TYPICAL = 0.3, 4.0, 20.0, 10.0
 # Without a slope, the first current grows by a factor of e in so many s, from this share of the
 # drive's limit; ramps reach what broke the joint free within so many s, and at most so many times
-# that.
-_GROWTH, _FIRST_SHARE, _RISE_TIME, _BEYOND = 0.7, 1.0 / 300.0, 1.2, 2.0
-# Share of the drive's limit beyond which the first current grows only if the encoder has counted:
-# a joint winds up before it breaks free, a dead encoder never counts.
-_BLIND_SHARE = 0.1
+# that. Beyond the last share of the limit it grows only if the encoder has counted: a joint winds
+# up before it breaks free, a dead encoder never counts.
+_GROWTH, _FIRST_SHARE, _RISE_TIME, _BEYOND, _BLIND_SHARE = 0.7, 1.0 / 300.0, 1.2, 2.0, 0.1
 # After an oscillation, the bandwidth falls by this factor, unless it is below that share.
 _CALMER, _LEAST_CALMNESS = 0.4, 0.1
 
@@ -63,7 +61,7 @@ def speed_over(samples: Sequence[Sample], sign: int, window: float) -> float:
     return 0.0
 
 
-class SupervisedRun(ControllerTuning, ABC):
+class SupervisedRun(ABC):
     """One run of a motion, from standstill to zero current.
 
     Call `update` with every sample and apply the current that it returns, until `finished`. The
@@ -82,8 +80,7 @@ class SupervisedRun(ControllerTuning, ABC):
         # Slope of the ramps in A/s and their largest current in A.
         self.ramp_slope = goal.ramp_slope or math.nan
         self.ramp_peak = goal.ramp_peak or drive.current_limit
-        # Has to confirm that the measured current is the commanded one before the first push. Who
-        # drives a real joint adds each sample to its `arrivals` before `update`.
+        # Has to confirm that the measured current is the commanded one before the first push.
         self.supervision = Supervision(
             drive, goal.ramp_peak or _BLIND_SHARE * drive.current_limit, self.say)
         # Largest friction current known so far in the positive and negative direction, signed, A.
@@ -91,20 +88,20 @@ class SupervisedRun(ControllerTuning, ABC):
         self.acceleration = math.nan        # k_t·n/J, rad/s² per A; NaN before it is known
         self.sample = Sample(math.nan, math.nan, math.nan)  # the latest one
         self.start = math.nan               # position at the start, rad
+        # Look-up table of commanded currents so far, for the controller's feedforward and limit:
+        # measurements in a wrong unit must not drive the joint.
         self.commanded_points: list[KineticPoint] = []
         self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
         self._push = {1: 0.0, -1: 0.0}     # current that broke the joint free, magnitude in A
         self._slid = 0                     # direction of the latest slide
         self._counted = False              # whether the encoder has ever changed
-        self._inertia_is_typical = False    # whether the push did not show it
-        self._aim = (math.nan, math.nan)    # followed at present: place, top speed
-        self._calmness = 1.0               # factor of the controller's bandwidth, after oscillation
+        self._inertia_is_typical = False   # whether the push did not show it
+        self._aim = math.nan               # place that is followed at present, rad
+        self._calmness = 1.0               # factor of the controller's bandwidth
         self._run = self._motion()
         next(self._run)
-        self._begin: float | None = None
-        self._last: float | None = None
-        self._estimated = -math.inf
+        self._begin, self._last, self._estimated = math.nan, math.nan, -math.inf
         self._command = self._carried = 0.0     # of the latest sample, A
 
     @abstractmethod
@@ -134,7 +131,7 @@ class SupervisedRun(ControllerTuning, ABC):
             return 0.0
         try:
             self._check(time, position)
-            if self._last is not None and time <= self._last:
+            if time <= self._last:
                 return self._command
             current = float(current) if math.isfinite(current) else math.nan
             self.supervision.check(
@@ -166,7 +163,7 @@ class SupervisedRun(ControllerTuning, ABC):
             raise IdentificationError('the time of a sample is not finite')
         if not math.isfinite(position):
             raise IdentificationError('the joint position is not finite: encoder failure')
-        if self._last is None:
+        if math.isnan(self._last):
             return
         if abs(time - self._last) > LONGEST_GAP:
             what = 'no sample for' if time > self._last else 'time went back by'
@@ -174,31 +171,23 @@ class SupervisedRun(ControllerTuning, ABC):
                 f'{what} {abs(time - self._last):.2g} s; the limit is {LONGEST_GAP} s')
         low, high = self._bounds()
         if not low <= position <= high:
+            why = self._why_slow() or (
+                ': a weight, a spring or a person moves it' if math.isnan(self._aim) else
+                f', {abs(position - self._aim):.2g} rad from its reference: somebody pushed it, or '
+                'it swings, as one with an elastic or heavy link: request lower speeds')
             raise IdentificationError(
-                f'the joint left its motion range of {high - low:.4g} rad'
-                + (self._why_slow() or self._why_beyond(position)))
-
-    def _why_beyond(self, position: float) -> str:
-        """Return why the joint may have left its range, whose reference has not."""
-        low, high = self._bounds()
-        place, speed = self._aim
-        if not low <= place <= high:
-            return ': a weight, a spring or a person moves it' if math.isnan(place) else ''
-        return (f': at {speed:.3g} rad/s, it went {abs(position - place):.2g} rad beyond its '
-                'reference. If nobody pushed it, it swings, as one with an elastic or heavy link: '
-                'request lower speeds, or widen motion_range')
+                f'the joint left its motion range of {high - low:.4g} rad{why}')
 
     def _estimate(self, now: float) -> None:
         """Update `remaining` and `progress` ten times per second of the joint's time."""
-        if self._begin is None:
+        if math.isnan(self._begin):
             self._begin = now
         elif now - self._estimated < 0.1:
             return
-        self._estimated = now
+        self._estimated, self.remaining = now, self._time_left()
         elapsed = now - self._begin
-        self.remaining = self._time_left()
-        share = elapsed / max(elapsed + self.remaining, 1e-9)
-        self.progress = max(self.progress, min(0.999, share))
+        self.progress = max(self.progress, min(
+            0.999, elapsed / max(elapsed + self.remaining, 1e-9)))
 
     def _motion(self) -> Generator[float, Sample, None]:
         self.sample = yield 0.0
@@ -214,7 +203,7 @@ class SupervisedRun(ControllerTuning, ABC):
 
     def _standstill(self, duration: float) -> Generator[float, Sample, None]:
         """Wait at zero current until the joint has been at rest for a duration in s."""
-        sample, self._aim = self.sample, (math.nan, math.nan)
+        sample, self._aim = self.sample, math.nan
         begin, still_since, stood_at = sample.time, sample.time, sample.position
         while sample.time - still_since < duration:
             if sample.time - begin > _PATIENCE + duration:
@@ -233,16 +222,14 @@ class SupervisedRun(ControllerTuning, ABC):
         rates = []
         for sign in (1, -1):
             rates.append((yield from self._short_push(sign)))
-        # Typically, a joint's own breakaway torque accelerates it at 10 rad/s².
         push = max(self._push.values())
         if self.goal.ramp_slope is None:
             self.ramp_slope = push / _RISE_TIME
             self.ramp_peak = min(_BEYOND * push, self.drive.current_limit)
         self.supervision.require_controllable()
-        typical = 10.0 / push
+        typical = _TYPICAL / push
         rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
-        if not rates:
-            self._inertia_is_typical = True
+        self._inertia_is_typical = not rates
         self.acceleration = max(rates, default=typical)
 
     def _short_push(self, sign: int) -> Generator[float, Sample, float]:
@@ -301,32 +288,90 @@ class SupervisedRun(ControllerTuning, ABC):
         if current > _BLIND_SHARE * limit and not self._counted:
             raise IdentificationError(
                 f'the encoder has not counted once up to {self.say(current)}: it is stuck, or the '
-                'joint is blocked. If its counts are too coarse to show how gears yield, request '
-                'a ramp_slope')
+                'joint is blocked; if its counts are coarse, request a ramp_slope')
         return current
 
     def _update_friction(self) -> None:
-        if 0.0 in self._push.values():
-            return
-        positive, negative = (
-            sign * max([self._push[sign]] + [
-                abs(point.current) for point in self.commanded_points if point.speed * sign > 0.0])
-            for sign in (1, -1))
-        self.friction = positive, negative
+        if 0.0 not in self._push.values():
+            positive, negative = (
+                sign * max([self._push[sign]] + [abs(point.current) for point in
+                                                 self.commanded_points if point.speed * sign > 0.0])
+                for sign in (1, -1))
+            self.friction = positive, negative
 
     def _refuse_blocked(self, sign: int, reached: float) -> NoReturn:
-        side = 'positive' if sign > 0 else 'negative'
         raise IdentificationError(
-            f'the joint did not break free in the {side} direction up to {self.say(reached)}. '
-            'If it did move, its encoder is stuck. If it is not blocked, ' + (
+            f'the joint did not break free in the {"positive" if sign > 0 else "negative"} '
+            f'direction up to {self.say(reached)}: it is blocked, its encoder is stuck, or ' + (
                 "the drive's current_limit is too low" if self.goal.ramp_slope is None else
-                'request a steeper ramp_slope or a longer ramp_period, or no ramp_slope'))
+                'it takes a steeper ramp_slope or a longer ramp_period, or no ramp_slope'))
+
+    # The controller, from what has been measured so far.
+
+    def _controller(self, factor: float, speed: float) -> control.Controller:
+        return control.Controller(
+            self.acceleration, self._plausible_current(speed), self._expected_current(1, speed),
+            self._expected_current(-1, speed), self._bandwidth(factor))
+
+    def _quiet(self) -> float:
+        """Return the bandwidth, rad/s, at which an encoder count hardly changes the current."""
+        return math.sqrt(
+            0.06 * min(self._push.values()) * self.acceleration / self._resolution)
+
+    def _bandwidth(self, factor: float = 1.0) -> float:
+        """Return the controller's bandwidth in rad/s that delay, encoder and joint allow."""
+        # Holding a current and computing the velocity from two positions delay by half a sample
+        # each.
+        late = max(self.supervision.step + self.supervision.delay, 1e-6)
+        stable = min(control.BANDWIDTH, control.DELAY_SHARE * control.PHASE / late)
+        return max(min(factor * self._calmness * stable, self._quiet()),
+                   0.5 * control.LEAST_BANDWIDTH)
+
+    def _why_slow(self, factor: float = 1.0) -> str:
+        """Return what keeps the controller slow; '' if it is not slow, or not known yet."""
+        if (not math.isfinite(self.acceleration)
+                or (bandwidth := self._bandwidth(factor)) > 0.4 * control.BANDWIDTH):
+            return ''
+        delay = self.supervision.delay
+        cause = ('encoder counts are coarse' if bandwidth >= self._quiet() else
+                 'the joint oscillates, or sticks and slips, at higher gains'
+                 if factor * self._calmness < 1.0 else
+                 f'the measured current is {delay:.2g} s late' if delay > 0.0 else
+                 'joint states come seldom')
+        return f': the velocity controller is slow ({bandwidth:.0f} rad/s), since {cause}'
+
+    def _plausible_current(self, speed: float) -> float:
+        """Return the largest plausible current in A at a speed.
+
+        Beyond measured speeds, friction grows at most in proportion to speed. Twice that, plus
+        twice the profile's acceleration, leaves room for gravity and control; a blocked joint or a
+        stuck encoder exceeds it.
+        """
+        push = max(self._push.values())
+        known = max([push] + [
+            abs(point.current) * max(1.0, speed / abs(point.speed))
+            for point in self.commanded_points[-2:]])
+        return float(min(self.drive.current_limit, max(3.0 * push, 2.0 * known)
+                         + 2.0 * self._accelerating_current(speed)))
+
+    def _accelerating_current(self, speed: float) -> float:
+        return 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
+
+    def _expected_current(self, sign: int, speed: float) -> float:
+        """Return the current expected at a speed, from the look-up table so far."""
+        known = [point for point in self.commanded_points if point.speed * sign > 0.0][-2:]
+        if not known:
+            return sign * self._push[sign]
+        current, last = known[-1].current, known[-1]
+        if last.speed != known[0].speed:
+            rise = (last.current - known[0].current) / (last.speed - known[0].speed)
+            current += max(rise, 0.0) * (sign * speed - last.speed)
+        return current if current * sign > 0.0 else sign * self._push[sign]
 
     # Following a reference.
 
     def _follow(self, reference: Callable[[float], tuple[float, float]], duration: float,
-                allowance: float, speed: float,
-                factor: float = 1.0
+                allowance: float, speed: float, factor: float = 1.0
                 ) -> Generator[float, Sample, tuple[float, np.ndarray, list[float]]]:
         """Follow reference(t) -> (position, velocity); return start, sample rows, and commands."""
         parameters = self._controller(factor, speed)
@@ -336,7 +381,7 @@ class SupervisedRun(ControllerTuning, ABC):
         samples, commands, sample = [], [], self.sample
         while sample.time - begin < duration:
             position, velocity = reference(sample.time - begin)
-            self._aim = position, speed
+            self._aim = position
             command = control.velocity_controller_step(
                 parameters, state, position, velocity, sample.position, sample.time - last)
             if self.supervision.oscillates():
@@ -344,17 +389,14 @@ class SupervisedRun(ControllerTuning, ABC):
                     'the joint oscillates under its velocity controller: current or position come '
                     'late, or its link is elastic')
             if abs(position - sample.position) > allowance:
-                weak = abs(command) < 0.9 * parameters.limit
-                why = self._why_slow() if weak else ''
                 lag = (f'the joint lags {abs(position - sample.position):.3g} rad behind its '
                        f'reference at {self.say(abs(command))}')
-                if why:
+                why = self._why_slow(factor)
+                if why and abs(command) < 0.9 * parameters.limit:
                     raise TooSlowError(lag + why)
-                raise IdentificationError(lag + (
-                    ', with gains that were lowered since its current varies: it sticks and slips, '
-                    'or its friction varies over position' if weak and factor < 1.0 else
-                    ': blocked, encoder stuck, or current limit '
-                    f'({self.say(parameters.limit)}, or what was plausible so far) too low'))
+                raise IdentificationError(
+                    f'{lag}: blocked, encoder stuck, or current limit '
+                    f'({self.say(parameters.limit)}, or what was plausible so far) too low')
             last = sample.time
             sample = yield from self._step(command)
             samples.append(sample)

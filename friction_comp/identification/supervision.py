@@ -1,12 +1,12 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Moves a joint sample by sample, and commands zero current at the first fault.
+"""Compares measurements with commands, sample by sample, and raises at the first contradiction.
 
-Measurements must agree with commands: the measured current is the commanded one, with little delay;
-the position changes as the measured velocity says; a current well above breakaway accelerates the
-joint. A contradiction (wiring, encoder, units, machine, a person) ends the run before a model is
-written: **zero current whenever the joint does not respond as a joint should**. Until the measured
-current is confirmed, only the first ramp is commanded, which ends when the joint moves.
+The measured current is the commanded one, with little delay; the position changes as the measured
+velocity says; a current well above breakaway accelerates the joint. Anything else (wiring, encoder,
+units, machine, a person) ends the run before a model is written: **zero current whenever the joint
+does not respond as a joint should**. Until the measured current is confirmed, only the first ramp
+is commanded, which ends when the joint moves.
 """
 
 from __future__ import annotations
@@ -22,75 +22,48 @@ from friction_comp.facts.current import ALIKE, Answer, CurrentCheck, FOLLOWS, ga
 from friction_comp.facts.motion import VelocityCheck
 from friction_comp.facts.resolution import encoder_fault
 from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.kinetic import KineticPoint
 from friction_comp.identification.velocity_control import LEAST_RATE, LONGEST_DELAY, PHASE
 from friction_comp.low_pass import low_pass_weight
-from friction_comp.model.sigmoid import Sigmoid
 
-LONGEST_GAP = 0.25      # longest time without a sample, s
-# A current that carries is compared from this share of the drive's limit on, smoothed over s.
-_HELD_SHARE, _HELD_TIME = 0.05, 0.05
-# Standard errors by which a wrong gain is outside; largest one of a confirmed gain, a share of it.
-_ERRORS, _CONFIRMED = 3.0, 0.25
+LONGEST_GAP = 0.25
+"""Longest time without a sample, s."""
 LEAST_SHARE = 0.02
 """Smallest commanded current that is compared, as a share of one that breaks the joint free."""
-# Samples from which the time between them is known.
-_SAMPLES = 20
-# Different positions, the first ones, that are compared with the encoder.
-_PLACES = 400
-# Time in s over which arrivals are compared.
-_LATELY = 1.0
-# Longest step between samples that is integrated, s.
-_STEP = 0.02
-# A current of this multiple of breakaway must accelerate the joint visibly.
-_SURPLUS = 1.5
+# A current that carries is compared from this share of the drive's limit on, smoothed over s.
+_HELD_SHARE, _HELD_TIME = 0.05, 0.05
+# Standard errors by which a wrong gain is outside; largest one of a confirmed gain, a share of it;
+# gain that is no answer at all.
+_ERRORS, _CONFIRMED, _NO_ANSWER = 3.0, 0.25, 0.05
+# Samples from which the time between them is known; different positions, the first ones, that are
+# compared with the encoder; longest step between samples that is integrated, s; time over which
+# arrivals are compared, s.
+_SAMPLES, _PLACES, _STEP, _LATELY = 20, 400, 0.02, 1.0
+# A current of this multiple of breakaway must accelerate the joint visibly: when so many counts of
+# movement are expected, it must have moved this share; but not before this time in s, since delay,
+# current loop and filter take time, nor while a moving joint would hardly be slowed down.
+_SURPLUS, _EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 1.5, 30.0, 0.1, 0.01
 # A joint oscillates if such currents change their sign so often within so many s; a joint is not
 # said to be blocked while they do.
 _SWINGS, _SWING_TIME = 4, 0.5
-# Ratio of measured to commanded current that is no answer at all.
-_NO_ANSWER = 0.05
-# The response is checked when this many counts of movement are expected, of which the joint must
-# have moved this share; but not before this time in s, since delay, current loop and filter take
-# time, nor while a moving joint would hardly be slowed down.
-_EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 30.0, 0.1, 0.01
-
-
-class Arrivals:
-    """When samples arrive, compared with when they were taken."""
-
-    def __init__(self) -> None:
-        self._lags: deque[tuple[float, float]] = deque()
-
-    def take(self, stamp: float, now: float) -> None:
-        """Add a sample: its stamp and its arrival, each in s by a clock of its own."""
-        self._lags.append((now, now - stamp))
-        while now - self._lags[0][0] > _LATELY:
-            self._lags.popleft()
-
-    def uneven(self) -> float:
-        """Return by how much lags of the last second differ, s; NaN if arrivals are not known."""
-        lags = [lag for _, lag in self._lags]
-        return max(lags) - min(lags) if lags else math.nan
 
 
 class Supervision:
     """Compares measurements with commands, sample by sample.
 
     `delay` is that of the measured current in s, `step` the mean time between samples in s, `least`
-    the smallest current in A that is compared. `say` returns a current as text. A node adds
-    `arrivals`.
+    the smallest current in A that is compared. `say` returns a current as text.
     """
 
     def __init__(self, drive: Drive, peak: float, say: Callable[[float], str]) -> None:
         self._drive, self._say = drive, say
         self.least = LEAST_SHARE * peak
-        self.arrivals = Arrivals()
         self.delay, self.step = 0.0, 1e-3
         self._late = LONGEST_DELAY  # delay in s that explains why a joint does not respond
         self._first, self._count = math.nan, 0
         self._resolution = drive.position_resolution or 1e-6
         self._last: tuple[float, float] | None = None
         self._places = [math.nan]   # rad, each other than that before
+        self._lags: deque[tuple[float, float]] = deque()    # of arrivals: when, and how late, s
         self._currents = CurrentCheck()
         self._held = np.zeros(2)    # measured current, and that which carries, smoothed, A
         self._velocities = VelocityCheck(resolution=self._resolution, zeros=True)
@@ -99,6 +72,12 @@ class Supervision:
         self._swings: deque[float] = deque(maxlen=_SWINGS)  # when that sign changed, s
         self._pushed = 0.0          # sign of the latest current well above friction
         self._begin_answer(0.0, 0.0, 0.0)
+
+    def arrived(self, stamp: float, now: float) -> None:
+        """Take note of when a sample was taken and when it arrived, each in s by its own clock."""
+        self._lags.append((now, now - stamp))
+        while now - self._lags[0][0] > _LATELY:
+            self._lags.popleft()
 
     def check(self, time: float, position: float, velocity: float | None,
               currents: tuple[float, float], carried: float, friction: Sequence[float] | None,
@@ -122,7 +101,13 @@ class Supervision:
         command, current = (one - carried for one in currents)
         if math.isfinite(current):
             self._currents.take(time, min(step, _STEP), command, current)
-            self._compare_currents()
+            gain = self._currents.gain(self.least)
+            if math.isfinite(gain) and not 1.0 / FOLLOWS <= gain <= FOLLOWS:
+                answer = self._currents.answer()
+                self._refuse_late(answer)
+                # Do not compare yet while the current has had no time to take effect.
+                if answer.old_command > self.least:
+                    self._refuse_gain(answer)
             self._compare_carried(min(step, _STEP), currents[1], carried)
         # The position must change as the velocity says.
         if velocity is None or not math.isfinite(velocity) or step > _STEP:
@@ -137,16 +122,6 @@ class Supervision:
         return encoder_fault(self._drive, np.array(self._places)[1:])
 
     # The measured current must be the commanded one.
-
-    def _compare_currents(self) -> None:
-        gain = self._currents.gain(self.least)
-        if not math.isfinite(gain) or 1.0 / FOLLOWS <= gain <= FOLLOWS:
-            return
-        answer = self._currents.answer()
-        self._refuse_late(answer)
-        # Do not compare yet while the current has had no time to take effect.
-        if answer.old_command > self.least:
-            self._refuse_gain(answer)
 
     def _compare_carried(self, step: float, measured: float, carried: float) -> None:
         """Raise if the current that holds the joint at rest is measured otherwise."""
@@ -228,11 +203,11 @@ class Supervision:
         if (answer.delay <= self._late or answer.correlation <= ALIKE
                 or not 1.0 / FOLLOWS <= answer.gain <= FOLLOWS):
             return
-        uneven = self.arrivals.uneven()
+        lags = [lag for _, lag in self._lags]
+        uneven = max(lags) - min(lags) if lags else math.nan
         if uneven > 0.5 * answer.delay:
             cause = ('This machine is overloaded: joint_states arrive in bursts, some '
-                     f'{uneven:.2g} s later than others. End other programs, or give this one '
-                     'priority')
+                     f'{uneven:.2g} s later than others')
         elif math.isfinite(uneven):
             cause = ('joint_states arrive evenly, so the drive is late, not this machine: shorten '
                      'the filters and cycles of its driver and bus')
@@ -305,53 +280,3 @@ class Supervision:
                 'free before: it is blocked, at a stop, or held, as by a weight that its model '
                 'does not carry; or the encoder is stuck, or coarser than encoder_counts')
         self._begin_answer(time, position, sign)
-
-
-def check_curve(points: Sequence[KineticPoint], sigmoid: Sigmoid, share: float,
-                say: Callable[[float], str]) -> list[str]:
-    """Return a warning if the curve of Eq. 6 is off the measured currents by more than a share.
-
-    The share is that of the RMS error in the mean current; the speed at which the curve is off most
-    is named. `say` returns a current as text.
-    """
-    errors = [float(sigmoid(point.speed)) - point.current for point in points]
-    mean = sum(abs(point.current) for point in points) / len(points)
-    whole = math.sqrt(sum(error ** 2 for error in errors) / len(points)) / max(mean, 1e-9)
-    if whole <= share:
-        return []
-    off, point = max(zip(map(abs, errors), points), key=lambda entry: entry[0])
-    return [f'the curve of Eq. 6 is off the look-up table by {whole:.0%} of friction (RMS), most '
-            f'at {point.speed:g} rad/s, where {say(abs(point.current))} were measured, by '
-            f'{say(off)}: its Coulomb and viscous friction may be wrong as well, and compensation '
-            'follows the curve. Refine a recording with this model, or request other speeds']
-
-
-def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float], spread: float,
-               say: Callable[[float], str]) -> tuple[str, str]:
-    """Return an error and a warning on loads during a finished run; each is empty if none.
-
-    Friction is about equal in both directions; gravity, a spring, or a person adds to one and
-    reduces the other, and gravity affects look-up table and breakaway alike. `breakaway` has the
-    means of both directions, `spread` their largest standard deviation, A; `say` returns a current
-    as text.
-    """
-    friction = 0.5 * (breakaway[0] - breakaway[1])
-    shift = 0.5 * (breakaway[0] + breakaway[1])
-    sides = [[p.current for p in points if p.speed * sign > 0.0] for sign in (1, -1)]
-    sliding = 0.5 * sum(sum(side) / len(side) for side in sides) if all(sides) else shift
-    if friction <= 0.0:
-        return 'breakaway needs no current: the joint was pushed', ''
-    if spread > 0.6 * friction:
-        return (f'breakaway scatters by {say(spread)} around {say(friction)}: the '
-                'joint was touched during the measurement', '')
-    if abs(shift - sliding) > 0.6 * friction:
-        return (f'the load was {say(sliding)} while the joint moved, but {say(shift)} when it '
-                'broke free: somebody leant on it during part of the run', '')
-    if max(abs(shift), abs(sliding)) > 0.12 * friction:
-        more = 2.0 * max(shift, sliding, key=abs)
-        return '', (f'the {"positive" if more > 0.0 else "negative"} direction needs '
-                    f'{say(abs(more))} more than the other: gravity or a spring, friction that '
-                    'differs, or somebody leant on the joint. If it is a weight, add it to the '
-                    'model with refine before people let go: compensated friction holds it no '
-                    'longer')
-    return '', ''

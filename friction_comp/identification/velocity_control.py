@@ -16,31 +16,20 @@ import numpy as np
 
 from friction_comp.low_pass import low_pass_weight
 
-BANDWIDTH = 100.0
+BANDWIDTH, LEAST_BANDWIDTH = 100.0, 10.0
 """Crossover frequency in rad/s: far below the sampling frequency of 1 kHz, far above that of the
-profile. It falls with rate and delay."""
-
-PHASE = 1.0
+profile; it falls with rate and delay. Below the second, slow constant velocities are not held."""
+PHASE, DELAY_SHARE = 1.0, 0.4
 """Phase margin in rad without any delay: a quarter turn less filter, integrator and position, 0.2 +
-0.2 + 0.16 rad. A delay of this over the bandwidth makes the loop unstable."""
-
-DELAY_SHARE = 0.4
-"""Share of `PHASE` that sampling and delay may take: 34 degrees then remain."""
-
-LEAST_BANDWIDTH = 10.0
-"""Crossover frequency in rad/s below which slow constant velocities are not held."""
-
+0.2 + 0.16 rad; and the share of it that sampling and delay may take: 34 degrees then remain."""
 LEAST_RATE = 100.0
 """Lowest rate of joint states in Hz at which a joint is moved."""
-
 LONGEST_DELAY = DELAY_SHARE * PHASE / LEAST_BANDWIDTH - 1.0 / LEAST_RATE
 """Longest delay in s between command and measured current at which a joint is moved, 0.03 s."""
-
 # rad/s of reference velocity over which the push fades in.
 _BLEND_VELOCITY = 0.002
-
 # Places in the state array.
-LAST_POSITION, VELOCITY, INTEGRAL, LAST_REFERENCE = 0, 1, 2, 3
+_POSITION, _VELOCITY, _INTEGRAL, _REFERENCE = 0, 1, 2, 3
 
 
 class Controller(NamedTuple):
@@ -68,25 +57,25 @@ def velocity_controller_state() -> np.ndarray:
 def velocity_controller_step(parameters: Controller, state: np.ndarray, reference_position: float,
                              reference_velocity: float, position: float, time_step: float) -> float:
     """Return the current in A for one sample (rad, rad/s, s), and advance the state in place."""
-    if np.isnan(state[LAST_POSITION]):
-        state[LAST_POSITION], state[LAST_REFERENCE] = position, reference_velocity
+    if np.isnan(state[_POSITION]):
+        state[_POSITION], state[_REFERENCE] = position, reference_velocity
     bandwidth = parameters.bandwidth
     gain = bandwidth / parameters.acceleration_per_current
     share = low_pass_weight(time_step, 1.0 / (5.0 * bandwidth))
-    measured = (position - state[LAST_POSITION]) / time_step
-    state[VELOCITY] += share * (measured - state[VELOCITY])
-    state[LAST_POSITION] = position
-    acceleration = (reference_velocity - state[LAST_REFERENCE]) / time_step
-    state[LAST_REFERENCE] = reference_velocity
+    measured = (position - state[_POSITION]) / time_step
+    state[_VELOCITY] += share * (measured - state[_VELOCITY])
+    state[_POSITION] = position
+    acceleration = (reference_velocity - state[_REFERENCE]) / time_step
+    state[_REFERENCE] = reference_velocity
 
     blend = min(1.0, abs(reference_velocity) / _BLEND_VELOCITY)
     push = parameters.push_positive if reference_velocity > 0.0 else parameters.push_negative
-    error = ((reference_velocity - state[VELOCITY])
+    error = ((reference_velocity - state[_VELOCITY])
              + bandwidth / 6.0 * (reference_position - position))
     current = (blend * push + 1.0 / parameters.acceleration_per_current * acceleration
-               + gain * error + state[INTEGRAL])
+               + gain * error + state[_INTEGRAL])
     if abs(current) > parameters.limit:
         return parameters.limit if current > 0.0 else -parameters.limit
     # The integrator stops at the limit, to avoid windup.
-    state[INTEGRAL] += gain * bandwidth / 5.0 * error * time_step
+    state[_INTEGRAL] += gain * bandwidth / 5.0 * error * time_step
     return current

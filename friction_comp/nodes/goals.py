@@ -14,11 +14,10 @@ from rclpy.task import Future
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.goal import check_field, IdentificationGoal
+from friction_comp.identification.goal import check_field, IdentificationGoal, TrajectoryGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import SupervisedRun
-from friction_comp.identification.trajectory_run import TrajectoryGoal
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import check_folder, file_names, to_yaml
 from friction_comp.identification.carried import Carried, GRAVITY
 from friction_comp.identification.goal import GOAL_LIMITS
-from friction_comp.identification.run import IdentificationRun
-from friction_comp.identification.trajectory_run import TrajectoryRun
+from friction_comp.identification.run import IdentificationRun, TrajectoryRun
 from friction_comp.nodes import goals
 from friction_comp.nodes.goals import Action, RunningGoal
 from friction_comp.ros import joint_io
@@ -257,7 +256,7 @@ class IdentificationNode(Node):
                 f'joint_states hold no finite position and effort of {goal.joint}')
         measured = effort * self._per_effort[index]
         if not self._simulated:
-            run.supervision.arrivals.take(at, received)
+            run.supervision.arrived(at, received)
         # From the first state on: a joint must not fall meanwhile.
         commands = self._carried.at(states.position)
         self._check_at_rest(goal, states.position)

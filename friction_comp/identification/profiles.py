@@ -1,9 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Movements and currents of identification (note, Eq. 3-5 and 8), and what they measure.
-
-The look-up table of section 2.3 has mean currents at constant velocity.
-"""
+"""Movements of identification (note, Eq. 3-5), and the mean currents of a cycle."""
 
 from __future__ import annotations
 
@@ -15,75 +12,43 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import savgol_filter
 
 from friction_comp.errors import InputError
 
-SETTLING = 0.25
-"""Time in s at the beginning of a constant-velocity phase that is not used."""
-FEWEST_SAMPLES = 6
-"""Of a constant-velocity phase, for an average."""
-
-
-def cycle_velocity(time: float, speed: float, cycle_time: float) -> float:
-    """Return the reference velocity of Eq. 3 in rad/s at a time in s; zero outside the cycle.
-
-    The fifth phase begins at 0.9 T, where the note prints ``0.9 < t``.
-    """
-    share = time / cycle_time
-    if share <= 0.0 or share >= 1.0:
-        return 0.0
-    if share <= 0.1:
-        return 10.0 * speed * share
-    if share <= 0.4:
-        return speed
-    if share <= 0.6:
-        return speed - 10.0 * speed * (share - 0.4)
-    if share <= 0.9:
-        return -speed
-    return -speed + 10.0 * speed * (share - 0.9)
-
-
-def cycle_position(time: float, speed: float, cycle_time: float) -> float:
-    """Return the integral of Eq. 3 in rad; its far end at T/2 is 0.4·ω_c·T away (Eq. 4)."""
-    share = time / cycle_time
-    if share <= 0.0 or share >= 1.0:
-        return 0.0
-    if share <= 0.1:
-        integral = 5.0 * (share * share)
-    elif share <= 0.4:
-        integral = share - 0.05
-    elif share <= 0.6:
-        integral = 0.35 + (share - 0.4) - 5.0 * ((share - 0.4) * (share - 0.4))
-    elif share <= 0.9:
-        integral = 0.95 - share
-    else:
-        integral = 5.0 * ((1.0 - share) * (1.0 - share))
-    return speed * cycle_time * integral
+# Time in s at the beginning of a constant-velocity phase that is not used, and fewest samples of
+# the rest for an average.
+SETTLING, _FEWEST = 0.25, 6
 
 
 @njit(cache=True)
-def ramp_current(time: float, slope: float, period: float) -> float:
-    """Return the motor current of Eq. 8 in A at a time; zero outside the period.
+def cycle_state(time: float, speed: float, cycle_time: float) -> tuple[float, float]:
+    """Return reference position (rad) and velocity (rad/s) of Eq. 3; zero outside the cycle.
 
-    By Fig. 2 it is the current itself, not its derivative: two ramps of opposite sign up to
-    0.4·s·T.
+    The far end, at T/2, is 0.4·ω_c·T away (Eq. 4). The fifth phase begins at 0.9 T, where the note
+    prints ``0.9 < t``.
     """
-    share = time / period
-    if 0.0 < share <= 0.4:
-        return slope * time
-    if 0.5 < share <= 0.9:
-        return -slope * (time - 0.5 * period)
-    return 0.0
+    share = time / cycle_time
+    if share <= 0.0 or share >= 1.0:
+        return 0.0, 0.0
+    if share <= 0.1:
+        moved, slope = 5.0 * share * share, 10.0 * share
+    elif share <= 0.4:
+        moved, slope = share - 0.05, 1.0
+    elif share <= 0.6:
+        since = share - 0.4
+        moved, slope = 0.35 + since - 5.0 * since * since, 1.0 - 10.0 * since
+    elif share <= 0.9:
+        moved, slope = 0.95 - share, -1.0
+    else:
+        moved, slope = 5.0 * (1.0 - share) ** 2, -10.0 * (1.0 - share)
+    return speed * cycle_time * moved, speed * slope
 
 
 def travel_state(time: float, distance: float, duration: float) -> tuple[float, float]:
     """Return position (rad) and velocity (rad/s) of a quintic from rest to rest."""
     share = min(max(time / duration, 0.0), 1.0)
-    square, left = share * share, 1.0 - share
-    position = distance * (share * square) * (10.0 - 15.0 * share + 6.0 * square)
-    velocity = distance / duration * 30.0 * square * (left * left)
-    return position, velocity
+    position = distance * share ** 3 * (10.0 - 15.0 * share + 6.0 * share ** 2)
+    return position, distance / duration * 30.0 * (share * (1.0 - share)) ** 2
 
 
 def constant_velocity_windows(cycle_time: float, settling: float = 0.0
@@ -97,9 +62,9 @@ def constant_velocity_windows(cycle_time: float, settling: float = 0.0
 def shortest_cycle(step: float) -> float:
     """Return the shortest cycle of Eq. 3, s, in which samples every `step`, s, suffice.
 
-    A fifth more than `FEWEST_SAMPLES`, as they may come unevenly.
+    A fifth more than needed, as they may come unevenly.
     """
-    needed = 1.2 * FEWEST_SAMPLES * step
+    needed = 1.2 * _FEWEST * step
     # As in `constant_velocity_windows`: without `SETTLING`, or 60 % of the phase.
     return min(needed / 0.12, (needed + SETTLING) / 0.3)
 
@@ -135,29 +100,28 @@ class KineticPoint:
 
 def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: ArrayLike,
                                speed: float, cycle_time: float,
-                               acceleration_per_current: float | None = None
+                               acceleration_per_current: float = np.inf
                                ) -> tuple[KineticPoint, KineticPoint]:
     """Average the current over the phases of one cycle of Eq. 3 at +ω_c and at -ω_c.
 
     Time in s since the beginning of the cycle, position in rad and measured current in A, each
-    (N,). With `acceleration_per_current` (k_t·n/J, rad/s² per A), the small current that still
-    accelerates the joint is subtracted from the mean.
+    (N,). The small current that still accelerates the joint, by `acceleration_per_current`
+    (k_t·n/J, rad/s² per A), is subtracted from the mean.
 
     Currents, speeds and positions are averaged with weights that vanish at both ends of a phase,
     s²·(1 - s)² of its share s. The second derivative of a fitted parabola is the mean acceleration
     with just these weights, so that a controller that still settles does not matter; and friction
-    that varies over position averages out without a whole number of its periods.
+    that varies over position averages out without a whole number of its periods. Raises InputError
+    if a phase has too few samples.
     """
     time, position, current = (
         np.asarray(values, dtype=float) for values in (time, position, current))
     points = []
     for sign, (begin, end) in zip((1.0, -1.0), constant_velocity_windows(cycle_time, SETTLING)):
         chosen = (time >= begin) & (time <= end)
-        count = int(np.sum(chosen))
-        if count < FEWEST_SAMPLES:
-            raise InputError(
-                f'speed {sign * speed:g} rad/s: {count} samples of the constant-velocity phase are '
-                'too few to average')
+        if np.sum(chosen) < _FEWEST:
+            raise InputError(f'speed {sign * speed:g} rad/s: {np.sum(chosen)} samples of the '
+                             'constant-velocity phase are too few to average')
         t = time[chosen] - np.mean(time[chosen])
         x, i = position[chosen], current[chosen]
         share = (t - t[0]) / (t[-1] - t[0])
@@ -165,22 +129,10 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
         weight = (share * (1.0 - share)) ** 2 * np.gradient(t)
         weight /= np.sum(weight)
         bend, slope, _ = np.polyfit(t, x, 2)
-        mean = float(weight @ i)
-        if acceleration_per_current is not None:
-            mean -= 2.0 * float(bend) / acceleration_per_current
         straight = x - np.polyval(np.polyfit(t, x, 1), t)
         distance = max(abs(slope) * (t[-1] - t[0]), 1e-12)
         points.append(KineticPoint(
-            speed=sign * speed, current=mean, standard_deviation=float(np.std(i)),
-            actual_speed=float(weight @ np.gradient(x, t)),
+            speed=sign * speed, current=float(weight @ i - 2.0 * bend / acceleration_per_current),
+            standard_deviation=float(np.std(i)), actual_speed=float(weight @ np.gradient(x, t)),
             unsteadiness=float(np.max(np.abs(straight)) / distance), position=float(weight @ x)))
     return points[0], points[1]
-
-
-def local_parabolas(values: np.ndarray, count: int,
-                    step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return value, slope and second derivative of parabolas (Savitzky-Golay), (N - count + 1,)."""
-    inner = slice(count // 2, len(values) - count // 2)
-    value, slope, bend = (
-        savgol_filter(values, count, 2, deriv=order, delta=step)[inner] for order in range(3))
-    return value, slope, bend

@@ -1,0 +1,357 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Current ramps: breakaway is the largest current that holds; presliding and backlash along them.
+
+Ramps pause on stairs of 1 % of the current. In presliding, a joint whose current stays constant
+comes to rest; one that slides goes on, or becomes faster: for friction that falls or rises with
+speed, for every kind of presliding, and for a rotor that slides through backlash until teeth stop
+it.
+
+Along a ramp, a part of the motor's current accelerates the joint, the rest is friction:
+``f = i - a / (k_t·n/J) - c·ω``, without the viscous current c·ω of Eq. 6. A ramp's curve of f over
+displacement ends with the last pause at which the joint rested: there f is the current.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from friction_comp.identification.goal import IdentificationError
+from friction_comp.model.measured import Breakaway, Presliding
+from friction_comp.statistics import noise_level, rms
+
+STAIR, SLIDING_STAIR = 0.01, 0.03
+"""Height of a stair as a share of its current, and of one above a current that did not hold."""
+STAIR_TIME = 0.08
+"""Time in s that a rise of current takes beyond that of its slope: one that is too quick shakes the
+joint, and a contact with little damping creeps while it is shaken."""
+SHORTEST_PAUSE, LONGEST_PAUSE = 0.15, 2.4
+"""Times on a stair, s: doubled from the shortest on until the joint rests, or slides."""
+SLIDE_SHARE = 0.5
+"""A joint slides that moves during a pause by this share of all its movement on the ramp before."""
+# The first stair, as a share of the only current that held so far, and of the least of several: it
+# is near breakaway, since what a joint creeps under stairs is no part of its presliding distance.
+_FIRST, _NEAR = 0.9, 0.95
+# A joint rests if it moves in the last third of a pause by at most this share of its movement in
+# the second third, or by so much of a count, or by less than so many times its noise, or at this
+# speed, rad/s: a contact may creep at a steady rate from far below breakaway on.
+_SLOWER, _COUNT, _ERRORS, _CREEP = 0.5, 0.5, 3.0, 3e-4
+# Limits of the smoothing window of f, s: a rotor breaks free more slowly, the gear resonates
+# faster; and noise of f that remains, as a share of the largest current.
+_SHORTEST, _LONGEST, _NOISE = 0.024, 0.064, 0.007
+# Share of breakaway at which presliding ends; beside the scatter, its standard deviations: of begin
+# and end within a count, counts, and of the method, a share of the distance.
+_PRESLIDING_END, _SHARE_OF_COUNT, _METHOD = 0.95, 0.4, 0.09
+# Least depth of a ramp's curve below its hull, as a share of breakaway, share of the ramps in each
+# direction that must exceed it (not every ramp crosses backlash), and depth from which on a ramp
+# has crossed some where it is seen. Gears without backlash stay below in at least one direction;
+# chains of Maxwell elements exceed 0.03; those with visible backlash have 0.05 to 0.24 in both.
+_DEPTH, _SHARE, _CROSSED = 0.04, 0.2, 0.015
+# Standard deviations of noise that a dip must exceed, smallest backlash in counts, places of
+# displacement at most, and share of the backlash from which on the tangent at the touch is taken.
+_SURE, _SEEN_COUNTS, _BINS, _TANGENT = 3.0, 3.0, 60, 0.75
+# Share of a pause at its beginning whose current is not used: the current controller settles.
+_SETTLING = 0.3
+# Accepted two standard errors of breakaway, as a share of it, for a gear with backlash; current at
+# which the joint goes, over that which held it, above which it gives way in between: on the note's
+# drives, whose friction rises from standstill, it is at most 1.14.
+_MOST_SCATTER, _CREEPS = 0.05, 1.2
+
+
+class Held(NamedTuple):
+    """A pause during which the joint came to rest: beginning and end in s, position in rad."""
+
+    begin: float
+    end: float
+    position: float
+
+
+class Ramp(NamedTuple):
+    """One current ramp on which the joint broke away: `samples` are rows of s, rad and A.
+
+    `before` is the direction of the last slide before it, 0 if not known; `held` is the last pause
+    at which the joint came to rest, `pauses` are the times in s at which each began.
+    """
+
+    direction: int
+    before: int
+    samples: np.ndarray
+    held: Held
+    pauses: Sequence[float] = ()
+
+    def current(self, begin: float, end: float) -> float:
+        """Return the mean measured current between two times in s, A, signed."""
+        time, _, current = self.samples.T
+        measured = current[(time >= begin) & (time <= end) & np.isfinite(current)]
+        if not measured.size:
+            raise IdentificationError('the measured current is not finite')
+        return float(np.mean(measured))
+
+    @property
+    def breakaway(self) -> float:
+        """The mean measured current of the last stair that held, A, signed."""
+        begin, end, _ = self.held
+        return self.current(begin + _SETTLING * (end - begin), end)
+
+
+def first_stair(held: Sequence[float]) -> float:
+    """Return the current in A of a ramp's first stair, after those that held, A."""
+    # A single one does not tell how much they differ.
+    return _NEAR * min(held) if len(held) > 1 else _FIRST * held[0]
+
+
+def risen(share: float, from_rest: bool) -> float:
+    """Return the share by which a current has risen after a share of the time, level at the end.
+
+    From rest, it begins with its mean slope: what damps the contact would else seem to stiffen it.
+    """
+    slope = 1.0 if from_rest else 0.0
+    return share * (slope + share * (3.0 - 2.0 * slope - share * (2.0 - slope)))
+
+
+def rests(time: Sequence[float], position: Sequence[float], sign: int, resolution: float) -> bool:
+    """Return whether a joint has come to rest, or nearly so, during a pause.
+
+    Time in s and position in rad since its beginning; `sign` is the ramp's direction, `resolution`
+    the angle of an encoder count in rad. The means of thirds are compared, which resolve less than
+    a count.
+    """
+    share = (np.asarray(time) - time[0]) / (time[-1] - time[0])
+    x = sign * (np.asarray(position) - position[0])
+    thirds = [x[(share >= k / 3.0) & (share <= (k + 1) / 3.0)] for k in range(3)]
+    first, second, third = (float(np.mean(part)) for part in thirds)
+    noise = _ERRORS * noise_level(x - np.interp(share, (1 / 6, 0.5, 5 / 6), (
+        first, second, third))) * math.sqrt(2.0 / len(thirds[-1]))
+    creep = _CREEP * (time[-1] - time[0]) / 3.0
+    return third - second <= max(_COUNT * resolution, noise, _SLOWER * (second - first), creep)
+
+
+@dataclass(frozen=True)
+class BreakawayRecords:
+    """Every breakaway of an identification; arrays of shape (M,), in order of time."""
+
+    current: np.ndarray     # A, negative in the negative direction
+    position: np.ndarray    # rad
+    direction: np.ndarray   # +1 or -1
+
+    def __len__(self) -> int:
+        return len(self.current)
+
+    def currents(self, direction: int) -> np.ndarray:
+        """Return the currents of one direction in A, signed."""
+        return self.current[self.direction == direction]
+
+    def statistics(self) -> Breakaway:
+        """Return means, standard deviations, mean positions (Eq. 9 and 10)."""
+        values: dict[str, float] = {}
+        for name, sign in (('positive', 1), ('negative', -1)):
+            own = self.currents(sign)
+            values |= {
+                f'{name}_mean': float(np.mean(own)),
+                f'{name}_std': float(np.std(own, ddof=1)) if len(own) > 1 else 0.0,
+                f'{name}_position': float(np.mean(self.position[self.direction == sign]))}
+        return Breakaway(**values)
+
+
+@dataclass(frozen=True)
+class RampFriction:
+    """Friction along one ramp up to breakaway, in the ramp's direction; shapes (M,)."""
+
+    current: np.ndarray     # friction current, smoothed, A
+    position: np.ndarray    # displacement since the beginning of the ramp, smoothed, rad
+    measured: np.ndarray    # the same as measured by the encoder, rad
+    half: int               # half the smoothing window, samples
+    noise: float            # standard deviation of the smoothed current, A
+
+    @classmethod
+    def of(cls, ramp: Ramp, resolution: float, acceleration_per_current: float,
+           viscous: float = 0.0) -> RampFriction:
+        """Separate friction from the current that accelerates the joint, along one ramp.
+
+        `resolution` is an encoder count in rad, `acceleration_per_current` (k_t·n/J) in rad/s² per
+        A, `viscous` (of Eq. 6) in A·s/rad.
+        """
+        known = np.isfinite(ramp.samples[:, 2]) & (ramp.samples[:, 0] <= ramp.held.end)
+        time, position, current = ramp.samples[known].T
+        step = float(np.median(np.diff(time)))
+        even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
+        moved = np.interp(even, time, ramp.direction * (position - position[0]))
+        driven = np.interp(even, time, ramp.direction * current)
+        # The shortest window that encoder and noise allow. Variance of a parabola's second
+        # derivative over a window T: 720·σ²·step/T⁵.
+        allowed = _NOISE * max(float(np.max(driven)), 1e-9)
+        counts = (60.0 * resolution ** 2 * step / (allowed * acceleration_per_current) ** 2) ** 0.2
+        width = max(counts, step * (noise_level(driven) / allowed) ** 2, _SHORTEST)
+        count = max(round(min(width, _LONGEST) / step), 5) | 1
+        inner = slice(count // 2, even.size - count // 2)
+        smooth_position, speed, acceleration = (
+            savgol_filter(moved, count, 2, deriv=order, delta=step)[inner] for order in range(3))
+        smooth = np.convolve(driven, np.full(count, 1.0 / count), 'valid')
+        # Deceleration is left out: friction, or teeth that touch after backlash, stop the joint.
+        inertia = np.maximum(acceleration, 0.0) / acceleration_per_current
+        return cls(
+            current=smooth - inertia - viscous * speed, position=smooth_position,
+            measured=moved[inner], half=count // 2,
+            noise=float(np.std(driven[inner] - smooth) / np.sqrt(count)))
+
+    def presliding(self, breakaway: float, upturn: int = 0) -> float:
+        """Return the displacement in rad at which friction reaches 95 % of this ramp's breakaway.
+
+        Friction varies with position: where it is 4 % lower, 95 % of the mean would only be reached
+        at the flat end. If teeth touch at the index `upturn`, the link's friction begins only after
+        the backlash: it is the part above the tangent at the touch, shifted back by the backlash.
+        """
+        moved = np.maximum.accumulate(self.position)
+        friction, crossed = self.current, moved[upturn]
+        if upturn > 0:
+            before, touch = np.interp((_TANGENT * crossed, crossed), moved, self.current)
+            slope = (touch - before) / ((1.0 - _TANGENT) * crossed)
+            added = np.maximum.accumulate(np.where(
+                moved > crossed, self.current - touch - slope * (moved - crossed), 0.0))
+            friction = friction + np.interp(moved + crossed, moved, added) - added
+        top = float(np.max(self.current[-self.half:]))
+        return float(self.position[np.argmax(friction >= min(_PRESLIDING_END * breakaway, top))])
+
+    def upturn(self, resolution: float) -> tuple[float, int]:
+        """Return the largest depth of the curve below its hull, a share of its peak, its index."""
+        width = max(resolution, float(np.max(self.measured)) / _BINS)
+        bins = np.maximum.accumulate(np.maximum(0, np.rint(self.measured / width).astype(int)))
+        count = np.bincount(bins)
+        # The position within the first count is unknown, so it is not used.
+        x = np.flatnonzero(count)[1:]
+        if len(x) < 4:
+            return 0.0, 0
+        y = np.bincount(bins, self.current)[x] / count[x]
+        top = int(np.argmax(y))     # Beyond it, the joint slides.
+        corners = [0]
+        for k in range(1, top + 1):
+            while len(corners) > 1 and (y[corners[-1]] - y[corners[-2]]) * (x[k] - x[corners[-1]]
+                    ) <= (y[k] - y[corners[-1]]) * (x[corners[-1]] - x[corners[-2]]):
+                corners.pop()
+            corners.append(k)
+        below = np.interp(x[:top + 1], x[corners], y[corners]) - y[:top + 1]
+        # Samples within the smoothing window have the same noise.
+        windows = np.maximum(1.0, count[x[:top + 1]] / (2 * self.half + 1))
+        below -= _SURE * self.noise / np.sqrt(windows)
+        return float(np.max(below) / y[top]), int(np.searchsorted(bins, x[np.argmax(below)]))
+
+
+def _medians(ways: np.ndarray, onward: np.ndarray) -> list[float]:
+    """Return the medians after slides in the ramp's direction and against it, as far as known."""
+    return [float(np.median(ways[side])) for side in (onward, ~onward) if side.any()]
+
+
+def combined_presliding(ways: np.ndarray, onward: np.ndarray, resolution: float,
+                        loose: bool = False) -> tuple[float, float]:
+    """Return the presliding distance from those of ramps, rad, (M,), and its standard deviation.
+
+    `onward` tells which ramps follow a slide in their own direction. A Maxwell-slip contact
+    remembers the slide before: in its direction a ramp yields less than the presliding distance,
+    against it more; by Masing's rule the sum is twice the distance. Contacts without this memory
+    (Dahl, LuGre) yield the same both times. The mean of both is the distance in either case. On a
+    `loose` gear, what a ramp against the slide yields more may be backlash, not memory: the
+    distance is between that in its direction and the mean, and that is added to the deviation of a
+    single rest: the ramps' scatter, the encoder count and the method's error.
+    """
+    sides = _medians(ways, onward)
+    distance, unknown = float(np.mean(sides)), 0.0
+    if loose and len(sides) > 1:
+        unknown = 0.5 * max(0.0, distance - sides[0])
+        distance = sides[0] + unknown
+    # From the interquartile range, since single distances may be far off.
+    scatter = [float(np.subtract(*np.quantile(ways[side], (0.75, 0.25)))) / 1.35
+               if np.sum(side) > 2 else 0.3 * distance
+               for side in (onward, ~onward) if side.any()]
+    return distance, unknown + math.hypot(
+        rms(np.array(scatter)), _SHARE_OF_COUNT * resolution, _METHOD * distance)
+
+
+def find_backlash(curves: Sequence[RampFriction], directions: np.ndarray, onward: np.ndarray,
+                  resolution: float) -> tuple[float, list[int]]:
+    """Return the backlash of a gear, rad, and each ramp's index at which teeth touch; 0 if none.
+
+    Friction of a gear's contacts is a concave function of displacement, since every contact that
+    begins to slide leaves fewer that still stick (Dahl, LuGre, Bouc-Wen and Maxwell slip alike).
+    While teeth are apart, only the motor's own friction acts; where they touch, that of the link is
+    added and the curve bends upwards. A dip below its concave hull indicates backlash; its lowest
+    point is where teeth touch.
+
+    A slide leaves the link somewhere between the teeth: a ramp `onward` crosses what is left ahead,
+    one against it what is left behind. The backlash is the sum of both.
+    """
+    depths, places = np.array([curve.upturn(resolution) for curve in curves]).T
+    upturns = np.where(depths > _CROSSED, places, 0).astype(int).tolist()
+    shares = [np.mean(depths[directions == sign] > _DEPTH) for sign in (1, -1)
+              if np.any(directions == sign)]
+    # Smoothing shows an impact half a window before it happens.
+    crossed = np.array([curve.position[min(at + curve.half, len(curve.position) - 1)] * (at > 0)
+                        for curve, at in zip(curves, upturns)])
+    backlash = sum(_medians(crossed, onward))
+    # A contact that is stiffer on one side also curves upwards, but in one direction only.
+    if len(shares) < 2 or min(shares) < _SHARE or backlash < _SEEN_COUNTS * resolution:
+        return 0.0, [0] * len(curves)
+    return backlash, upturns
+
+
+@dataclass
+class RampEvaluation:
+    """Result of a drive's ramps."""
+
+    records: BreakawayRecords
+    presliding: Presliding | None   # None if the encoder is too coarse
+    warnings: list[str]
+    backlash: float | None          # rad; None if none was found
+
+
+def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_current: float,
+                   viscous: float) -> RampEvaluation:
+    """Evaluate the ramps of a drive; units are those of `RampFriction.of`.
+
+    Raises IdentificationError if breakaway scatters because of backlash.
+    """
+    directions = np.array([ramp.direction for ramp in ramps])
+    onward = np.array([ramp.before == ramp.direction for ramp in ramps])
+    held = np.array([ramp.breakaway for ramp in ramps])
+    records = BreakawayRecords(
+        held, np.array([ramp.held.position for ramp in ramps]), directions)
+    curves = [RampFriction.of(ramp, resolution, acceleration_per_current, viscous)
+              for ramp in ramps]
+    backlash, upturns = find_backlash(curves, directions, onward, resolution)
+    warnings = []
+    if backlash > 0.0:
+        for own in (np.abs(held[directions == sign]) for sign in (1, -1)):
+            scatter = float(np.std(own, ddof=1) / np.mean(own)) if len(own) > 1 else 0.0
+            if 2.0 * scatter > _MOST_SCATTER * math.sqrt(len(own)):
+                raise IdentificationError(
+                    f'backlash of {backlash:.2g} rad: breakaway scatters by {scatter:.0%}; request '
+                    'more breakaway_cycles or a less steep ramp_slope')
+        warnings.append(f'backlash of {backlash:.2g} rad, with what a soft link winds up by; '
+                        'presliding is given without it')
+    last = [max([ramp.held.begin, *ramp.pauses]) for ramp in ramps]
+    gone = float(np.median([ramp.current(begin, begin + SHORTEST_PAUSE) / level
+                            for ramp, level, begin in zip(ramps, held, last)]))
+    if gone > _CREEPS:
+        warnings.append(
+            'the joint gives way slowly from its breakaway current on, and goes only at '
+            f'{gone:.2f} times that: if it creeps, as a gear does that is shaken, breakaway may be '
+            'as much higher; if friction rises with the speed, it is right')
+    ways = np.array([curve.presliding(level, at)
+                     for curve, level, at in zip(curves, np.abs(held), upturns)])
+    # During pauses a joint may creep. Of the ramps onward from a slide, and of those back from one,
+    # those with at most the median number of pauses before that distance are used.
+    pauses = np.array([np.sum(ramp.direction * (
+        np.interp(ramp.pauses, ramp.samples[:, 0], ramp.samples[:, 1]) - ramp.samples[0, 1]) < way)
+        for ramp, way in zip(ramps, ways)])
+    few = pauses <= np.where(onward, np.median(pauses[onward]) if onward.any() else 0.0,
+                             np.median(pauses[~onward]) if not onward.all() else 0.0)
+    distance, deviation = combined_presliding(ways[few], onward[few], resolution, backlash > 0.0)
+    # Less than two counts cannot be resolved.
+    presliding = None if distance <= 2.0 * resolution else Presliding(
+        distance, None, deviation, backlash or None)
+    return RampEvaluation(records, presliding, warnings, backlash or None)
