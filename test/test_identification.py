@@ -13,7 +13,6 @@ from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.profiles import constant_velocity_currents
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -376,14 +375,3 @@ def test_goal_drops_signs_and_repeats():
     assert width == pytest.approx(0.32)
     assert IdentificationGoal(**{**QUICK, 'longest_cycle': math.inf}).cycle(0.2) == (
         pytest.approx(2.5 * 0.9 / 0.2), 0.9)
-
-
-def test_the_current_at_constant_velocity_is_averaged_in_both_directions():
-    time = np.arange(0.0, 10.0, 1e-3)
-    position = np.where(time < 5.0, 0.1 * time, 1.0 - 0.1 * time)
-    current = np.where(time < 5.0, 0.1, -0.2)
-    points = constant_velocity_currents(time, position, current, 0.1, 10.0)
-    assert [point.speed for point in points] == [0.1, -0.1]
-    assert [point.current for point in points] == pytest.approx([0.1, -0.2])
-    with pytest.raises(InputError, match='too few'):
-        constant_velocity_currents(time[:100], position[:100], position[:100], 0.1, 10.0)

@@ -5,6 +5,7 @@
 from collections import deque
 from contextlib import suppress
 import math
+import re
 
 from helpers import note_model
 import numpy as np
@@ -270,7 +271,7 @@ def look_at_rattle(mean):
     supervision = supervised()
     rattle = 0.4 * np.sign(np.sin(2.0 * math.pi * (np.arange(3000) + 0.5) / 6.0))
     for k, command in enumerate(rattle + mean):
-        supervision.check(1e-3 * k, 0.0, None, 0.4 * command, command, None, math.nan)
+        supervision.check(1e-3 * k, 0.0, None, (command, 0.4 * command), 0.0, None, math.nan)
 
 
 def brake(speeds):
@@ -278,7 +279,7 @@ def brake(speeds):
     supervision = supervised()
     for k, position in enumerate(np.cumsum(speeds) * 1e-3):
         supervision.check(
-            1e-3 * k, position, None, math.nan, 0.6 if k < 100 else -2.0, (0.5, -0.5), 4.0)
+            1e-3 * k, position, None, (0.6 if k < 100 else -2.0, math.nan), 0.0, (0.5, -0.5), 4.0)
 
 
 def test_a_rotor_that_its_link_pushes_on_through_backlash_is_not_blocked():
@@ -302,8 +303,8 @@ def commanded(currents, response):
     supervision.least = 0.002
     random = np.random.default_rng(8)
     for k, current in enumerate(currents):
-        supervision.check(1e-3 * k, 0.0, None, response(current) + 1e-3 * random.normal(), current,
-                          None, math.nan)
+        measured = response(current) + 1e-3 * random.normal()
+        supervision.check(1e-3 * k, 0.0, None, (current, measured), 0.0, None, math.nan)
         if k == 900:
             supervision.is_current_confirmed()
 
@@ -330,15 +331,89 @@ def test_a_joint_that_swings_is_not_blocked_but_oscillates():
     for k in range(400):
         position = 0.002 * math.sin(2.0 * math.pi * 10.0 * 1e-3 * k)
         command = -2.0 * math.copysign(1.0, math.sin(2.0 * math.pi * 10.0 * 1e-3 * k - 1.2))
-        supervision.check(1e-3 * k, position, None, math.nan, command, (0.5, -0.5), 4.0)
+        supervision.check(1e-3 * k, position, None, (command, math.nan), 0.0, (0.5, -0.5), 4.0)
     assert supervision.oscillates()
     supervision.forget_oscillation()
     assert not supervision.oscillates()
 
 
-def test_a_joint_that_swings_out_of_its_range_is_told_from_a_reference_that_leaves_it():
+def test_a_joint_that_leaves_its_range_is_told_from_one_that_is_pushed():
     run = IdentificationRun(IdentificationGoal(**GOAL), note_model().drive)
     half = 0.5 * run.goal.motion_range
-    run.start, run._last, run._aim = 0.0, 0.0, (0.9 * half, 1.6)
-    with pytest.raises(IdentificationError, match=r'at 1.6 rad/s.*elastic'):
-        run._check(0.01, 1.1 * half)
+    for aim, words in ((0.9 * half, 'rad from its reference.*elastic'), (math.nan, 'a person')):
+        run.start, run._last, run._aim = 0.0, 0.0, aim
+        with pytest.raises(IdentificationError, match=words):
+            run._check(0.01, 1.1 * half)
+
+
+# Rate, delay, filters and encoders.
+
+def test_a_position_behind_a_low_pass_slows_the_controller():
+    state = [0.0]
+
+    def alter(run, sample):
+        state[0] += (1.0 - math.exp(-2e-3 / 0.025)) * (sample[1] - state[0])
+        return [sample[0], state[0], math.nan, sample[3]]
+    result = Bench(alter, step=2e-3).finish()
+    truth = note_model().sigmoid(result.speeds)
+    np.testing.assert_allclose(result.currents, truth, rtol=0.03)
+
+
+def test_a_coarse_encoder_shows_no_speed_in_a_single_count():
+    step = math.radians(0.2)
+    model = note_model()
+    drive = Drive(model.drive.torque_constant * model.drive.gear_ratio, 1.0,
+                  round(2.0 * math.pi / step), model.drive.current_limit)
+
+    def alter(run, sample):
+        return [sample[0], math.floor(sample[1] / step) * step, math.nan, sample[3]]
+    bench = Bench(alter, step=2e-3)
+    bench.run = IdentificationRun(IdentificationGoal(**GOAL), drive)
+    result = bench.finish()
+    np.testing.assert_allclose(result.currents, model.sigmoid(result.speeds), rtol=0.04)
+
+
+@pytest.mark.parametrize('samples', [2, 6])
+def test_a_drive_that_is_slow_but_in_time_is_identified_with_lower_gains(samples):
+    """At 250 Hz the current comes 8 to 24 ms after the command."""
+    result = Bench(late=samples).finish()
+    truth = note_model().sigmoid(result.speeds)
+    np.testing.assert_allclose(result.currents, truth, rtol=0.05)
+    assert result.breakaway.positive_mean == pytest.approx(0.0995, rel=0.1)
+
+
+def test_joint_states_that_come_too_seldom_are_refused_with_the_rate_it_takes():
+    def alter(run, sample):
+        return [2.0 * sample[0], sample[1], math.nan, sample[3]]
+    bench = Bench(alter, step=0.01)
+    with pytest.raises(IdentificationError, match='50 times per second; .* takes 100'):
+        bench.finish()
+
+
+@pytest.mark.parametrize(('samples', 'pause', 'words'), [
+    (10, None, ''), (15, 1, 'arrive evenly, so the drive is late'),
+    (15, 15, 'machine is overloaded'), (62, None, '')])
+def test_a_drive_that_answers_late_is_not_told_to_have_another_unit(samples, pause, words):
+    """As on a machine that is busy, where samples arrive so many at a time, or a slow drive."""
+    count = [0]
+
+    def alter(run, sample):
+        count[0] += 1
+        if pause:
+            run.supervision.arrived(sample[0], STEP * pause * math.ceil(count[0] / pause) + 7.0)
+        return sample
+    bench = Bench(alter, late=samples)
+    with pytest.raises(IdentificationError, match=f'right size.*{words}') as caught:
+        bench.finish()
+    said = float(re.search(r'one (\S+) s late', str(caught.value))[1])
+    assert said == pytest.approx(STEP * samples, rel=0.1, abs=0.005)
+    assert bench.largest < 0.4
+
+
+@pytest.mark.parametrize(('factor', 'words'), [
+    (10.0, 'another unit'), (-1.0, 'wrong sign'), (0.0, 'not measured')])
+def test_a_wrong_unit_is_told_from_delay(factor, words):
+    bench = Bench(scaled(factor, 3), late=30)
+    with pytest.raises(IdentificationError, match=words):
+        bench.finish()
+    assert bench.largest <= bench.run.goal.ramp_peak

@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
-from friction_comp.identification import sigmoid_fit
-from friction_comp.identification.profiles import KineticPoint
-from friction_comp.identification.sigmoid_fit import _fit, fit_sigmoid, sigmoid_error
-from friction_comp.identification.supervision import check_curve
+from friction_comp.identification.sigmoid_fit import fit_sigmoid, sigmoid_error
 from friction_comp.model.sigmoid import Sigmoid
 
 # Of configuration 2, the steepest of the note.
@@ -100,25 +97,6 @@ def test_smallest_table():
     assert 0.3 < float(found(1.5)) < 0.4
 
 
-@pytest.mark.slow
-def test_a_long_table_is_condensed_and_fitted_as_well_as_by_the_true_curve(monkeypatch):
-    """One that hardly holds the other direction; a search takes as long as it has points."""
-    rng, sizes = np.random.default_rng(1), []
-    truth = Sigmoid(upper=0.3, lower=-0.25, steepness=300.0, shift=0.0, viscous=0.1)
-    speeds = rng.uniform(-0.02, 1.0, 1000)
-    currents = truth(speeds) + rng.normal(0.0, 0.01, len(speeds))
-
-    def counted(x, *arguments):
-        sizes.append(len(x))
-        return _fit(x, *arguments)
-    monkeypatch.setattr(sigmoid_fit, '_fit', counted)
-    # A quarter of the points that are searched otherwise, in a quarter of the time.
-    monkeypatch.setattr(sigmoid_fit, '_MOST_POINTS', 50)
-    error = fit_sigmoid(speeds, currents)[1]
-    assert error < 1.01 * sigmoid_error(truth, speeds, currents)
-    assert max(sizes) < 100
-
-
 @pytest.mark.parametrize('speeds', [[15, 60], [10, 40, 100], [4, 8, 15, 25, 40, 60, 80, 100]])
 @pytest.mark.parametrize('noise', [0.001, 0.01])
 def test_noise_does_not_make_friction_push_below_the_lowest_speed(speeds, noise):
@@ -140,16 +118,3 @@ def test_two_or_three_speeds_tell_coulomb_and_viscous_friction(speeds):
         scatter = 1e-3 * np.random.default_rng(seed).standard_normal(len(table))
         found, _ = fit_sigmoid(table, truth(table) * (1.0 + scatter))
         np.testing.assert_allclose(found(far), truth(far), rtol=0.07)
-
-
-@pytest.mark.parametrize('rise, warned', [(0.0, 0), (0.1, 0), (0.2, 1), (0.5, 1)])
-def test_a_curve_that_is_not_the_measured_friction_is_not_passed_off_as_it(rise, warned):
-    speeds = np.array([0.05, 0.1, 0.2, 0.4, 0.7, 1.0])
-    speeds = np.concatenate((-speeds[::-1], speeds))
-    fading = 1.0 + rise * np.exp(-(speeds / 0.08) ** 2)
-    currents = 0.2 * np.sign(speeds) * fading + 0.15 * speeds
-    sigmoid, _ = fit_sigmoid(speeds, currents)
-    points = [KineticPoint(v, i, 0.0, v, 0.0) for v, i in zip(speeds, currents)]
-    said = check_curve(points, sigmoid, 0.03, lambda current: f'{current:.3g} A')
-    assert len(said) == warned
-    assert all('0.05 rad/s' in line for line in said)

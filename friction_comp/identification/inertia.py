@@ -6,8 +6,8 @@ In a cycle, currents, speeds and accelerations pass the same filter before they 
 that none is rounded more than another at the corners of the profile. Of each, only what follows the
 profile counts: an encoder's counts are in the acceleration, and through the velocity controller in
 the current as well, so that least squares on what was measured would find another inertia (two
-stages, with the profile as the instrument). A current that is measured behind a low pass is late:
-the time constant by which its own slope makes up for that is found together with inertia.
+stages, with the profile as the instrument). A current or a position that is measured behind a low
+pass is late: the time constant by which its own slope makes up for that is found with inertia.
 """
 
 from __future__ import annotations
@@ -33,9 +33,12 @@ _SMOOTHING, _PASSES, _FAST = 0.008, 3, 0.5
 # motion follows it, s: velocity controllers of 10 to 100 rad/s.
 _SHARES, _SPEEDS = (0.0, 0.1, 0.4, 0.6, 0.9, 1.0), (0.0, 1.0, 1.0, -1.0, -1.0, 0.0)
 _FOLLOWS = (0.0, 0.03, 0.1)
-# A lag, s, is taken from this size on, if it leaves at most this share of what none leaves
-# unexplained. Inertia must explain this share, and of other speeds this one to be compared.
-_LAG, _LESS, _EXPLAINED, _COMPARED = 0.005, 0.5, 0.8, 0.5
+# Lags that are compared, s, of the current, and of the position below zero: no joint is moved with
+# later ones, and one at the end only makes up for something else. One is taken from this size on,
+# if it leaves at most this share of what none leaves unexplained.
+_LAGS, _LAG, _LESS = np.linspace(-0.06, 0.06, 121), 0.005, 0.5
+# Inertia must explain this share, and of other speeds this one to be compared.
+_EXPLAINED, _COMPARED = 0.8, 0.5
 
 
 class Inertia(NamedTuple):
@@ -84,7 +87,7 @@ def steadiest_inertia(cycles: Sequence[np.ndarray]) -> Inertia | None:
     """
     own = [_products(cycle) for cycle in cycles]
     last = max(len(own) - _CYCLES, 0)
-    together = [np.sum(own[k:k + _CYCLES], axis=0)
+    together = [np.array(own[k:k + _CYCLES])
                 for k in range(min(len(own) // 3, last), last + 1)]
     # A sensor is late at every speed, what swings is so at some.
     lag = sorted(map(_lag_of, together), key=abs)[(len(together) - 1) // 2]
@@ -107,9 +110,10 @@ def without_lag(samples: np.ndarray, lag: float) -> np.ndarray:
 
 
 def _products(cycle: np.ndarray) -> np.ndarray:
-    """Return products of acceleration, current and its slope, (2, 3, 3): of what follows, and all.
+    """Return products of speed, acceleration, its slope, current, and its slope, (2, 5, 5).
 
-    Without friction, which is that of this cycle in either direction, and in proportion to speed.
+    The first are those of what follows the profile, the others of all; without Coulomb friction,
+    which is that of this cycle in either direction.
     """
     time, position, current = cycle[np.isfinite(cycle[:, 2])].T
     duration = time[-1] - time[0]
@@ -124,39 +128,46 @@ def _products(cycle: np.ndarray) -> np.ndarray:
         signals = uniform_filter1d(
             signals, max(int(_SMOOTHING * duration / step), 3), axis=0, mode='nearest')
     speed, slope = (np.gradient(signals[:, k], step) for k in range(2))
+    acceleration = np.gradient(speed, step)
     chosen = np.abs(speed) > _FAST * float(np.max(np.abs(speed)))
-    sides = np.column_stack([speed > 0.0, speed < 0.0]).astype(float)
-    columns = np.column_stack(
-        [sides, speed, np.gradient(speed, step), signals[:, 1], slope])[chosen]
-    basis = orth(np.column_stack([sides, signals[:, 2:]])[chosen])
+    sides = np.column_stack([speed > 0.0, speed < 0.0]).astype(float)[chosen]
+    columns = np.column_stack([speed, acceleration, np.gradient(acceleration, step),
+                               signals[:, 1], slope])[chosen]
+    basis = orth(np.column_stack([sides, signals[chosen, 2:]]))
+    sides = orth(sides)
     products = []
     for values in (basis @ (basis.T @ columns), columns):
-        friction, _ = np.linalg.qr(values[:, :3])
-        rest = values[:, 3:] - friction @ (friction.T @ values[:, 3:])
+        rest = values - sides @ (sides.T @ values)
         products.append(step * rest.T @ rest)
     return np.array(products)
 
 
 def _lag_of(products: np.ndarray) -> float:
-    """Return the lag in s by which the current explains the acceleration best; 0 if none does."""
-    follows = products[0]
-    try:
-        _, lag = np.linalg.solve(follows[np.ix_((0, 2), (0, 2))], follows[(0, 2), 1])
-    except np.linalg.LinAlgError:
-        return 0.0
+    """Return the lag in s with which the current explains the acceleration best; 0 if none does."""
     # In all variance, counts of an encoder seem late, and in what follows the profile, a link that
     # swings; a sensor is late in both.
-    left = [_explained(kind[None], -lag)[1] / max(_explained(kind[None], 0.0)[1], 1e-12)
-            for kind in products]
-    return float(-lag) if max(left) < _LESS and abs(lag) >= _LAG else 0.0
+    left = np.max([[_explained(products[:, [kind]], lag)[1] for lag in _LAGS] / np.maximum(
+        _explained(products[:, [kind]], 0.0)[1], 1e-12) for kind in (0, 1)], axis=0)
+    best = int(np.argmin(left))
+    lag = float(_LAGS[best])
+    taken = left[best] < _LESS and abs(lag) >= _LAG and 0 < best < len(_LAGS) - 1
+    return lag if taken else 0.0
 
 
 def _explained(products: np.ndarray, lag: float) -> tuple[float, float]:
-    """Return current per acceleration, A per rad/s², and the share of variance that it leaves."""
-    follows, now = products[0], np.array([0.0, 1.0, lag])
-    per = float(follows[0] @ now) / max(float(follows[0, 0]), 1e-300)
-    line = now - np.array([per, 0.0, 0.0])
-    return per, float(line @ follows @ line) / max(float(now @ follows @ now), 1e-300)
+    """Return current per acceleration, A per rad/s², and the share of variance that it leaves.
+
+    `products` are those of some cycles, (K, 2, 5, 5), each with its own viscous friction.
+    """
+    late, early = max(lag, 0.0), max(-lag, 0.0)
+    signals = np.array([[1.0, early, 0.0, 0.0, 0.0], [0.0, 1.0, early, 0.0, 0.0],
+                        [0.0, 0.0, 0.0, 1.0, late]])
+    sums = np.zeros((2, 2))
+    for own in products[:, 0]:
+        all_of = signals @ own @ signals.T
+        sums += all_of[1:, 1:] - np.outer(all_of[1:, 0], all_of[0, 1:]) / all_of[0, 0]
+    per = float(sums[0, 1] / max(sums[0, 0], 1e-300))
+    return per, float(sums[1, 1] - per * sums[0, 1]) / max(float(sums[1, 1]), 1e-300)
 
 
 def _late(values: np.ndarray, lag: float, step: float) -> np.ndarray:

@@ -56,6 +56,8 @@ _DEPTH, _SHARE, _CROSSED = 0.04, 0.2, 0.015
 # Standard deviations of noise that a dip must exceed, smallest backlash in counts, places of
 # displacement at most, and share of the backlash from which on the tangent at the touch is taken.
 _SURE, _SEEN_COUNTS, _BINS, _TANGENT = 3.0, 3.0, 60, 0.75
+# Standard deviations of a position that trembles which it resolves.
+_GRAIN = 3.0
 # Share of a pause at its beginning whose current is not used: the current controller settles.
 _SETTLING = 0.3
 # Accepted two standard errors of breakaway, as a share of it, for a gear with backlash; current at
@@ -168,6 +170,7 @@ class RampFriction:
     measured: np.ndarray    # the same as measured by the encoder, rad
     half: int               # half the smoothing window, samples
     noise: float            # standard deviation of the smoothed current, A
+    grain: float            # rad that the position resolves
 
     @classmethod
     def of(cls, ramp: Ramp, resolution: float, acceleration_per_current: float,
@@ -198,7 +201,8 @@ class RampFriction:
         return cls(
             current=smooth - inertia - viscous * speed, position=smooth_position,
             measured=moved[inner], half=count // 2,
-            noise=float(np.std(driven[inner] - smooth) / np.sqrt(count)))
+            noise=float(np.std(driven[inner] - smooth) / np.sqrt(count)),
+            grain=max(resolution, _GRAIN * noise_level(moved)))
 
     def presliding(self, breakaway: float, upturn: int = 0) -> float:
         """Return the displacement in rad at which friction reaches 95 % of this ramp's breakaway.
@@ -218,9 +222,9 @@ class RampFriction:
         top = float(np.max(self.current[-self.half:]))
         return float(self.position[np.argmax(friction >= min(_PRESLIDING_END * breakaway, top))])
 
-    def upturn(self, resolution: float) -> tuple[float, int]:
+    def upturn(self) -> tuple[float, int]:
         """Return the largest depth of the curve below its hull, a share of its peak, its index."""
-        width = max(resolution, float(np.max(self.measured)) / _BINS)
+        width = max(self.grain, float(np.max(self.measured)) / _BINS)
         bins = np.maximum.accumulate(np.maximum(0, np.rint(self.measured / width).astype(int)))
         count = np.bincount(bins)
         # The position within the first count is unknown, so it is not used.
@@ -285,7 +289,7 @@ def find_backlash(curves: Sequence[RampFriction], directions: np.ndarray, onward
     A slide leaves the link somewhere between the teeth: a ramp `onward` crosses what is left ahead,
     one against it what is left behind. The backlash is the sum of both.
     """
-    depths, places = np.array([curve.upturn(resolution) for curve in curves]).T
+    depths, places = np.array([curve.upturn() for curve in curves]).T
     upturns = np.where(depths > _CROSSED, places, 0).astype(int).tolist()
     shares = [np.mean(depths[directions == sign] > _DEPTH) for sign in (1, -1)
               if np.any(directions == sign)]
@@ -343,14 +347,7 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
             'as much higher; if friction rises with the speed, it is right')
     ways = np.array([curve.presliding(level, at)
                      for curve, level, at in zip(curves, np.abs(held), upturns)])
-    # During pauses a joint may creep. Of the ramps onward from a slide, and of those back from one,
-    # those with at most the median number of pauses before that distance are used.
-    pauses = np.array([np.sum(ramp.direction * (
-        np.interp(ramp.pauses, ramp.samples[:, 0], ramp.samples[:, 1]) - ramp.samples[0, 1]) < way)
-        for ramp, way in zip(ramps, ways)])
-    few = pauses <= np.where(onward, np.median(pauses[onward]) if onward.any() else 0.0,
-                             np.median(pauses[~onward]) if not onward.all() else 0.0)
-    distance, deviation = combined_presliding(ways[few], onward[few], resolution, backlash > 0.0)
+    distance, deviation = combined_presliding(ways, onward, resolution, backlash > 0.0)
     # Less than two counts cannot be resolved.
     presliding = None if distance <= 2.0 * resolution else Presliding(
         distance, None, deviation, backlash or None)

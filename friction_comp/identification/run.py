@@ -38,6 +38,7 @@ from friction_comp.identification.supervised_run import (
     SupervisedRun,
     TooSlowError,
 )
+from friction_comp.identification.velocity_control import LEAST_BANDWIDTH
 from friction_comp.statistics import evenly_spread, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
@@ -46,9 +47,9 @@ from friction_comp.statistics import evenly_spread, smallest_step
 _CUT_SPEED, _CUT_WINDOW, _CUT_COUNTS, _CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
 # Lag, or a heavy link that oscillates against its rotor, needs lower gains.
 _GAIN_LADDER = (1.0, 0.3, 0.1)
-# Share by which a cycle may miss its speed, or leave a straight line; share of the scatter that
-# other gains must leave to be the better ones.
-_HELD, _STEADIER = 0.1, 0.7
+# Shares by which a cycle may miss its speed, or leave a straight line, and its current may vary;
+# share of that scatter that other gains must leave to be the better ones.
+_HELD, _CALM, _STEADIER = 0.1, 0.5, 0.7
 # Share of the ramp period at zero current after each ramp, as in Eq. 8; ramps start up to this
 # share of the motion range off its centre, to average out cogging.
 _REST_SHARE, _PLACES = 0.1, 0.015
@@ -197,6 +198,8 @@ class IdentificationRun(SupervisedRun):
             return
         best = None
         for factor in _GAIN_LADDER:
+            if factor < 1.0 and self._bandwidth(factor) < LEAST_BANDWIDTH:
+                break
             driven = yield from self._one_cycle(speed, factor)
             if driven is not None and (
                     best is None or driven.scatter < _STEADIER * best.scatter):
@@ -238,8 +241,9 @@ class IdentificationRun(SupervisedRun):
                                    self.acceleration, factor=factor)
         except InputError as error:
             raise IdentificationError(str(error)) from None
-        held = all(abs(point.actual_speed / point.speed - 1.0) <= _HELD
-                   and point.unsteadiness <= _HELD for point in cycle.points)
+        held = cycle.scatter <= _CALM and all(
+            abs(point.actual_speed / point.speed - 1.0) <= _HELD
+            and point.unsteadiness <= _HELD for point in cycle.points)
         return cycle if held else None
 
     # Breakaway.
