@@ -13,6 +13,14 @@ from scipy.signal import lfilter, lsim
 from friction_comp.errors import InputError
 from friction_comp.identification import cycles as twice
 from friction_comp.identification.goal import IdentificationError
+from friction_comp.identification.identified import (
+    curve_misfit,
+    doubts_of_curve,
+    doubts_of_cycles,
+    doubts_of_positions,
+    doubts_of_ramps,
+    uncertainty_of,
+)
 from friction_comp.identification.inertia import steadiest_inertia
 from friction_comp.identification.profiles import (
     constant_velocity_currents,
@@ -20,14 +28,6 @@ from friction_comp.identification.profiles import (
     cycle_state,
     KineticPoint,
     travel_state,
-)
-from friction_comp.identification.result import (
-    curve_misfit,
-    doubts_of_curve,
-    doubts_of_cycles,
-    doubts_of_positions,
-    doubts_of_ramps,
-    uncertainty_of,
 )
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.model.measured import Breakaway, Presliding

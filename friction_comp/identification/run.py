@@ -20,16 +20,16 @@ from scipy.interpolate import CubicHermiteSpline
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification import cycles as twice, ramps as stairs, result as doubts
+from friction_comp.identification import cycles as twice, identified as doubts, ramps as stairs
 from friction_comp.identification.cycles import Cycle
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
     TrajectoryGoal,
 )
+from friction_comp.identification.identified import IdentificationResult
 from friction_comp.identification.inertia import steadiest_inertia, without_lag
 from friction_comp.identification.profiles import cycle_state, Sample, sample_rows
-from friction_comp.identification.result import IdentificationResult
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import (
     OscillationError,
