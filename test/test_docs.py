@@ -31,8 +31,7 @@ MOST = {
     'reports': 1000, 'glossary': 300, 'results': 1200}
 # Pages that are still too long or tell of what was.
 LATER = ('law_tried', 'refine_tried', 'compensation_law', 'direction', 'excite', 'identification',
-         'many_robots', 'refinement', 'safety', 'tables', 'clock', 'identify_friction',
-         'model_file', 'motor_temperature', 'refine_model')
+         'many_robots', 'refinement', 'tables')
 PAGES = sorted(path for folder in ('.', 'docs', 'msg_docs', 'bench', 'sros2')
                for path in (ROOT / folder).glob('*.md'))
 # Pages that are followed step by step; of the others, arguments are read.

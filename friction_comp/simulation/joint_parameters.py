@@ -109,7 +109,7 @@ def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None)
     """Return the parameters of one joint, a record of `JOINT`, from its model.
 
     They follow from its sigmoid, its breakaway with scatter, and its section `simulation` (see
-    msg_docs/model_file.md). Raises InputError if an entry is unknown, not a number or out of range.
+    msg_docs/README.md). Raises InputError if an entry is unknown, not a number or out of range.
     """
     undeclared = Undeclared() if undeclared is None else undeclared
     section = model.simulation
