@@ -28,7 +28,8 @@ DOCS = ROOT / 'docs'
 MOST = {
     'README': 700, 'CONTRIBUTING': 650, 'start': 500, 'measure': 900, 'for_my_robot': 600,
     'own_robot': 1000, 'daily_use': 650, 'note_errors': 800, 'architecture': 1200, 'tools': 900,
-    'reports': 1000, 'glossary': 300, 'results': 1200}
+    'reports': 1000, 'glossary': 300, 'results': 1200, 'msg_docs': 1900, 'nodes': 350,
+    'safety': 820, 'torque_controlled_robots': 400}
 # Pages that are still too long or tell of what was.
 LATER = ('law_tried', 'refine_tried', 'compensation_law', 'direction', 'excite', 'identification',
          'many_robots', 'refinement', 'tables')
@@ -83,7 +84,8 @@ def test_generated_parts_are_those_of_code_and_stored_figures():
                          ids=lambda page: page.stem)
 def test_a_page_is_short_and_says_what_is(page):
     text = page.read_text(encoding='utf-8')
-    assert len(words_of(page)) <= MOST.get(page.stem, 2000)
+    name = 'msg_docs' if page.parent.name == 'msg_docs' else page.stem
+    assert len(words_of(page)) <= MOST.get(name, 2000)
     if page.stem not in ('results', 'tried'):
         prose = re.sub(r'<!-- .*?<!-- end -->|^ *```.*?^ *```|`[^`]*`', '', text,
                        flags=re.DOTALL | re.MULTILINE)
