@@ -166,12 +166,11 @@ def demo() -> str:
     """Return the demo's table."""
     from friction_comp.demo.loop import TRIALS
     from friction_comp.number_text import number
-    from friction_comp.reports.evaluation_words import peak_text
 
     numbers, titles = stored('demo'), {name: title for name, title, *_ in TRIALS}
     errors = dict(zip(('compensated', 'refined'), numbers['residual']))
     return rows(['', 'peak, N·m', 'RMS, N·m', 'current error, mA'], [
-        [titles[name], peak_text(peak, stuck), number(rms),
+        [titles[name], '> ' * (stuck > 0) + number(peak), number(rms),
          number(1e3 * errors[name]) if name in errors else '']
         for name, (peak, rms, stuck) in numbers['trials'].items()])
 

@@ -20,7 +20,7 @@ from friction_comp.evaluation.repetitions import Compensation
 from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import read_recording_with_info, RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
-from friction_comp.reports.evaluation_words import measure_text, remarks, verdict
+from friction_comp.reports.evaluation_page import measure_text, remarks, verdict
 from friction_comp.samples import Samples
 
 REST, RAMP, CRUISE, SPEED = 2.0, 0.5, 1.5, 0.4

@@ -12,7 +12,7 @@ from friction_comp.evaluation.compare import compare, mean_interval, share_inter
 from friction_comp.evaluation.conditions import MeasuredJoint
 from friction_comp.evaluation.movements import Movement
 from friction_comp.evaluation.repetitions import Compensation, Repetition
-from friction_comp.reports.evaluation_words import verdict
+from friction_comp.reports.evaluation_page import verdict
 
 PLAIN, HELPED = Compensation('none', '', 0), Compensation('continuous', 'a.yaml', 1)
 DAY = 86_400.0

@@ -18,7 +18,7 @@ from friction_comp.model.measured import Breakaway, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import simulator_joint
 from friction_comp.refinement import refine
-from friction_comp.reports.refinement_words import friction_rows
+from friction_comp.reports.refinement_page import friction_rows
 from friction_comp.samples import Samples
 from friction_comp.units import in_own_units
 

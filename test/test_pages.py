@@ -18,15 +18,7 @@ from friction_comp.number_text import number, quantity
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.evaluation_page import curves_figure, evaluation_page
-from friction_comp.reports.figures import (
-    band,
-    COLOURS,
-    for_page,
-    panels,
-    scatter,
-    thin_extremes,
-    WIDTH,
-)
+from friction_comp.reports.figures import band, COLOURS, curve, for_page, panels, scatter, WIDTH
 from friction_comp.reports.html import Report, value
 from friction_comp.reports.refinement_page import refinement_page
 
@@ -129,7 +121,7 @@ def test_page_says_what_figures_show_and_escapes_text():
 def test_many_dots_are_drawn_as_pixels():
     figure, (axes,) = panels([''])
     random = np.random.default_rng(0)
-    axes.plot(random.normal(size=30_000), random.normal(size=30_000), '.')
+    curve(axes, random.normal(size=30_000), random.normal(size=30_000), 'measured', style='.')
     report = Report('Large')
     report.figure(figure, 'Noise.')
     text = report.html()
@@ -168,26 +160,19 @@ def test_saving_reports(tmp_path):
         Report('x').save(tmp_path / 'file' / 'page.html')
 
 
-def test_peaks_survive_thinning():
-    time = 1e-3 * np.arange(600_000)
-    torque = np.sin(time)
-    torque[123_456] = 7.0
-    torque[300_000:310_000] = np.nan
-    x, y = thin_extremes(time, torque)
-    assert len(x) <= 2000
-    assert np.nanmax(y) == 7.0
-    assert x[np.nanargmax(y)] == time[123_456]
-    assert np.isnan(y).any()
-    assert (np.diff(x) > 0).all()
-
-
-def test_a_minute_at_a_kilohertz_is_a_drawing_of_few_points():
+@pytest.mark.parametrize('noise', [0.0, 1.0])
+def test_a_long_curve_is_a_drawing_of_few_points_with_its_peaks(noise):
     figure, (axes,) = panels([''])
     time = 1e-3 * np.arange(60_000)
-    axes.plot(time, np.sin(time))
-    drawing, note = for_page(figure)
-    assert len(drawing) < 100_000
-    assert 'the lowest and highest of each of 1000 stretches are drawn' in note
+    torque = np.sin(time) + noise * np.random.default_rng(0).standard_normal(len(time))
+    torque[30_000] = 9.0
+    curve(axes, time, torque, 'measured')
+    drawing = for_page(figure)
+    assert len(drawing) < 300_000
+    top = axes.transData.transform((0.0, 9.0))[1] / figure.dpi
+    line = max(re.findall(r' d="([^"]*)"', drawing), key=len)
+    heights = [float(y) for y in re.findall(r'L [\d.]+ ([\d.]+)', line)]
+    assert min(heights) == pytest.approx(72.0 * (figure.get_figheight() - top), abs=0.5)
 
 
 @pytest.fixture(scope='module')
@@ -280,7 +265,7 @@ def test_letters_of_figures_can_be_read_on_a_phone():
     figure, axes = panels(['a'], 'x')
     axes[0].plot([0, 1], [0, 1])
     width = 440.0 / (72.0 * WIDTH)
-    sizes = {float(size) for size in re.findall(r'font-size: ([\d.]+)px', for_page(figure)[0])}
+    sizes = {float(size) for size in re.findall(r'font-size: ([\d.]+)px', for_page(figure))}
     assert min(sizes) * width >= 8.0
 
 

@@ -22,8 +22,8 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
-from friction_comp.reports.evaluation_page import evaluation_page
-from friction_comp.reports.evaluation_words import peaks_of
+from friction_comp.reports.evaluation_page import evaluation_page, peaks_of
+from friction_comp.reports.html import without_marks
 from friction_comp.samples import Samples
 from friction_comp.terminal import progress
 
@@ -58,8 +58,9 @@ def play_two_joints(system: DemoSystem) -> None:
     compared = {one.joint: peaks_of(one) for one in evaluations}
     system.finish(
         page, {'joints': [one.as_dict() for one in evaluations]},
-        *(f'{joint}: peak {peaks.torques[0]} N·m with kinetic friction only, {peaks.torques[1]} '
-          'N·m with the direction announced' for joint, peaks in compared.items() if peaks))
+        *(without_marks('{}: peak {} with kinetic friction only, {} with the direction announced'
+                        .format(joint, *peaks.texts()))
+          for joint, peaks in compared.items() if peaks))
 
 
 def play_arm(system: DemoSystem) -> None:

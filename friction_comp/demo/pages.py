@@ -21,8 +21,7 @@ from friction_comp.exercise.taught_exercise import TURN
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import number, quantity
 from friction_comp.refinement.result import FoundEffect, RefineResult
-from friction_comp.reports import refinement_words
-from friction_comp.reports.evaluation_words import peak_text
+from friction_comp.reports import refinement_page
 from friction_comp.reports.figures import (
     band,
     COLOURS,
@@ -68,7 +67,7 @@ class EvaluatedTrial:
     @property
     def peak(self) -> str:
         """Peak torque in N·m as text."""
-        return peak_text(self.peak_torque, self.stuck)
+        return '> ' * (self.stuck > 0) + number(self.peak_torque)
 
     @property
     def shown_peak(self) -> str:
@@ -116,9 +115,9 @@ def demo_page(trials: list[EvaluatedTrial], refined: RefineResult, model: Fricti
     page.heading('Found in the recording of the identification')
     page.table(['', 'value', '95 % interval'],
                [[f'**{row.name}**' + (f', {row.remark}' if row.remark else ''), row.value,
-                 row.interval] for row in (*refinement_words.friction_rows(report.friction),
-                                           *refinement_words.effect_rows(report))])
-    page.bullets(refinement_words.remarks(report))
+                 row.interval] for row in (*refinement_page.friction_rows(report.friction),
+                                           *refinement_page.effect_rows(report))])
+    page.bullets(refinement_page.remarks(report))
     return page
 
 
@@ -128,7 +127,7 @@ def _summary(trials: list[EvaluatedTrial], effects: list[FoundEffect]) -> str:
         f'{sum(c.repetitions for c in none.evaluation.conditions)} movements)' if none.stuck else ''
     refined = 'The recordings show no effect that the identified model lacks.'
     if effects:
-        named = refinement_words.effect_names(effect.name for effect in effects)
+        named = refinement_page.effect_names(effect.name for effect in effects)
         refined = (f'With the effects that the recordings show in addition ({named}) it is '
                    f'**{last.shown_peak}**.')
     starts = sum(trial.false_starts for trial in trials)
@@ -339,7 +338,7 @@ def arm_page(alone: Mapping[str, Samples], helped: Mapping[str, Samples], result
     page.table(['joint', 'RMS alone', 'helped', 'peak alone', 'helped', 'added to the model'],
                [[joint, *(shown(joint, way, figure) for figure in ('rms', 'peak')
                           for way in ('alone', 'helped')),
-                 refinement_words.effect_names(
+                 refinement_page.effect_names(
                      effect.name for effect in result.results[joint].report.effects)]
                 for joint in peaks])
     page.table(['link after joint', 'mass in the URDF (kg)', 'mass found (kg)'],

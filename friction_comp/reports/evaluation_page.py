@@ -1,24 +1,180 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page of an evaluation: the verdict, every movement, the note's Fig. 5, and tables."""
+"""What an evaluation says, on the terminal and on its page: verdict, movements, tables."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+import math
+from typing import NamedTuple
 
 from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.evaluation.compare import FEWEST
-from friction_comp.evaluation.conditions import Evaluation
+from friction_comp.evaluation.compare import Comparison, FEWEST, Interval
+from friction_comp.evaluation.conditions import Condition, Evaluation
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.number_text import number
-from friction_comp.reports import evaluation_words as words
 from friction_comp.reports.figures import band, COLOURS, curve, INK, legend, panels, styled, zero
-from friction_comp.reports.html import Report, value
+from friction_comp.reports.html import Report, value, without_marks
 
 _MOST_COMPARISONS, _MOST_RECORDINGS = 24, 12
-_SIGNS = {'positive': 1, 'negative': -1}
+_SIGNS = {'positive': '+', 'negative': '−'}
+# Measures of a condition in the order of a table's columns, with short titles.
+_COLUMNS = {'peak_torque': 'peak (N·m)', 'rms_torque': 'RMS (N·m)', 'onset': 'delay (s)',
+            'residual_current': 'current missing (A)'}
+
+
+class Peaks(NamedTuple):
+    """The peak torques of the two compared conditions, and their difference as text."""
+
+    pair: tuple[Compensation, Compensation]
+    torques: tuple[str, str]  # with unit and name, for a page
+    are_bounds: tuple[bool, bool]
+    change: str
+    difference: float  # second less first, N·m
+    test: Comparison | None
+
+    @property
+    def are_told_apart(self) -> bool:
+        """Whether the difference is significant, and of the size that was tested."""
+        half = self.test.without_drift.half if self.test else None
+        return (self.test is not None and self.test.significant and half is not None
+                and abs(self.difference - self.test.without_drift.mean) <= half)
+
+    def texts(self) -> list[str]:
+        """Return the torques as text, each as a bound where the joint was stuck."""
+        return ['> ' * bound + text for text, bound in zip(self.torques, self.are_bounds)]
+
+
+def peaks_of(evaluation: Evaluation) -> Peaks | None:
+    """Return the peak torques that are reported first; None where there is nothing to compare."""
+    torques, change = evaluation.compared('peak_torque'), evaluation.reduction('peak_torque')
+    pair = evaluation.pair()
+    if torques is None or change is None or pair is None:
+        return None
+    test = next((c for c in evaluation.comparisons if c.figure == 'peak_torque'
+                 and (c.first, c.second) == pair), None)
+    first, second = (bool(evaluation.stuck(condition)) for condition in pair)
+    shown = tuple(value(f'peak of {evaluation.joint}: {evaluation.label(condition)}',
+                        f'{number(torque)} N·m') for condition, torque in zip(pair, torques))
+    text = f'**{abs(100 * change):.0f} % {"less" if change >= 0 else "more"}**'
+    if first and second:
+        text += ', of torques that did not always suffice'
+    elif first or second:
+        text = f'at {"least" if first == (change >= 0) else "most"} {text}'
+    return Peaks(pair, (shown[0], shown[1]), (first, second), text, torques[1] - torques[0], test)
+
+
+def verdict(evaluation: Evaluation) -> str:
+    """Return what the direction is worth, how sure that is, and what to do about it."""
+    peaks = peaks_of(evaluation)
+    if peaks is None:
+        return _nothing_to_compare(evaluation)
+    before, after = ('more than ' * bound + f'**{text}**'
+                     for text, bound in zip(peaks.torques, peaks.are_bounds))
+    first, second = peaks.pair
+    without, laws = 'without help', ('', '')
+    if first.law != 'none':
+        without = 'when it does not'
+        # Laws and models only where they differ, too.
+        if replace(first, announced=1) != second:
+            plain, helped = (f' ({" · ".join(evaluation.names_of(one)[1:]) or "an unknown law"})'
+                             for one in peaks.pair)
+            laws = plain, helped
+    text = (f'When the robot knows the direction{laws[1]}, the person needs {after} to set the '
+            f'joint in motion, and {before} {without}{laws[0]}: {peaks.change}.')
+    test = peaks.test
+    if test is not None and test.untested:
+        text += f' Whether this is so is not known: {test.untested}.'
+    elif not peaks.are_told_apart:
+        text += ' This may be chance, or have come with time; record more to be sure.'
+    if test is not None and test.pairs and not test.in_turn:
+        text += (' One was recorded after the other: what else changed in between counts, too. '
+                 'Record them in turn to be sure.')
+    return text
+
+
+def _nothing_to_compare(evaluation: Evaluation) -> str:
+    if evaluation.measured:
+        return ('The effect of announcing the direction is unknown: no movement was recorded both '
+                'with it (d = ±1) and without (d = 0, or no compensation).')
+    unused = list(dict.fromkeys(note for note in evaluation.notes
+                                if 'interaction_wrench' in note and note.endswith(': not used')))
+    known = ('**The back-driving torque is not known.** ' + '; '.join(unused) + '.' if unused
+             else '**The back-driving torque was not measured.**')
+    return (f'{known} Position, current and reference show when the joint started, but not how '
+            'much torque the person needed.')
+
+
+def remarks(evaluation: Evaluation) -> list[str]:
+    """Return sentences on movements that failed and false starts."""
+    sentences = []
+    for condition in dict.fromkeys(c.compensation for c in evaluation.conditions):
+        if stuck := evaluation.stuck(condition):
+            count = sum(r.compensation == condition for r in evaluation.repetitions)
+            sentences.append(f'With {evaluation.label(condition)} the joint did not move in '
+                             f'{stuck} of {count} movements.')
+    if starts := sum(c.false_starts for c in evaluation.conditions):
+        sentences.append(
+            f'**In {starts} repetitions the joint started by itself.** Lower `breakaway_gain` or '
+            'identify again.' if evaluation.measured
+            else f'In {starts} repetitions the joint started early, by itself or pushed.')
+    if against := sum(c.repetitions for c in evaluation.conditions
+                      if c.compensation.announced < 0):
+        sentences.append(f'{against} movements went against the announced direction; they are '
+                         'listed separately.')
+    return sentences
+
+
+def condition_rows(evaluation: Evaluation, names: Sequence[str]) -> Iterator[list[str]]:
+    """Yield condition, movement, number of repetitions, and the named measures with intervals."""
+    for one in evaluation.conditions:
+        yield [evaluation.label(one.compensation), _SIGNS[one.movement], str(one.repetitions),
+               *(measure_text(one, name) for name in names)]
+
+
+def _known_columns(evaluation: Evaluation) -> list[str]:
+    return [name for name in _COLUMNS if any(name in c.figures for c in evaluation.conditions)]
+
+
+def terminal_lines(evaluation: Evaluation) -> list[str]:
+    """Return what `evaluate` prints of a joint: a table, the verdict, and remarks."""
+    names = _known_columns(evaluation)[:3]
+    rows = [['condition', 'move', 'n', *(_COLUMNS[name] for name in names)],
+            *condition_rows(evaluation, names)]
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    table = ['  '.join(f'{text:<{width}}' for text, width in zip(row, widths)).rstrip()
+             for row in rows]
+    return [*table, '', *map(without_marks, [verdict(evaluation), *remarks(evaluation)])]
+
+
+def measure_text(condition: Condition, name: str) -> str:
+    """Return a measure of a condition with its interval, or a bound where the joint was stuck."""
+    text = with_interval(condition.figures.get(name))
+    return f'>\u00a0{text}' if name == 'peak_torque' and condition.stuck else text
+
+
+def with_interval(found: Interval | None) -> str:
+    """Return a mean ± half its interval, with as many digits as are significant."""
+    if found is None:
+        return '–'
+    half = found.half
+    if half is None:
+        return number(found.mean)
+    size = max(abs(found.mean), half)
+    if not size:
+        return '0'
+    # As many decimals as the interval justifies, but no more than four digits in total.
+    most = 3 - math.floor(math.log10(size))
+    wanted = 1 - math.floor(math.log10(half)) if half > 0 else most
+    places = max(min(wanted, most), 0)
+    mean = f'{found.mean:.{places}f}'.replace('-', '\u2212')
+    half_text = f'{half:.{places}f}' if half == 0 or half >= 0.5 * 10.0 ** -places else (
+        f'<\u202f{10.0 ** -places:.{places}f}')
+    # No line break between a number and its interval.
+    return f'{mean}\u00a0±\u00a0{half_text}'
 
 
 def evaluation_page(evaluations: Sequence[Evaluation], title: str = '') -> Report:
@@ -32,7 +188,7 @@ def evaluation_page(evaluations: Sequence[Evaluation], title: str = '') -> Repor
         title or f'{"Back-driving torque" if torque else "Movements"} of {joints}',
         f'{count} movements from {len(recordings)} recording{"s" if len(recordings) > 1 else ""}')
     several = len(evaluations) > 1
-    page.verdict('\n\n'.join((f'**{one.joint}.** ' if several else '') + _verdict(one)
+    page.verdict('\n\n'.join((f'**{one.joint}.** ' if several else '') + verdict(one)
                              for one in evaluations))
     for evaluation in evaluations:
         if several:
@@ -49,37 +205,18 @@ def evaluation_page(evaluations: Sequence[Evaluation], title: str = '') -> Repor
     return page
 
 
-def _name(evaluation: Evaluation, condition: Compensation) -> str:
-    """Return the name of a condition's mean peak torque on the page."""
-    return f'peak of {evaluation.joint}: {evaluation.label(condition)}'
-
-
-def _peaks(evaluation: Evaluation, peaks: words.Peaks) -> list[str]:
-    return [value(_name(evaluation, condition), f'{text} N·m')
-            for condition, text in zip(peaks.pair, peaks.torques)]
-
-
-def _verdict(evaluation: Evaluation) -> str:
-    text, peaks = words.verdict(evaluation), words.peaks_of(evaluation)
-    if peaks:
-        for plain, named in zip(peaks.torques, _peaks(evaluation, peaks)):
-            bare = plain.removeprefix('> ')
-            text = text.replace(f'**{bare} N·m**', f'**{named.replace("> ", "")}**', 1)
-    return text
-
-
 def _add(page: Report, evaluation: Evaluation) -> None:
-    peaks = words.peaks_of(evaluation)
+    peaks = peaks_of(evaluation)
     if peaks:
         starts = sum(c.false_starts for c in evaluation.conditions)
-        without, known = _peaks(evaluation, peaks)
+        without, known = peaks.texts()
         page.numbers([
             (without, 'to set the joint in motion ' + (
                 'without help' if peaks.pair[0].law == 'none'
                 else 'when the direction is not known')),
             (known, 'when the robot knows the direction'),
             (str(starts), 'times the joint started by itself')])
-    page.bullets(words.remarks(evaluation))
+    page.bullets(remarks(evaluation))
     if evaluation.measured:
         page.figure(_repetitions_figure(evaluation), 'Peak torque of each movement, in the order '
                     'in which they were recorded; filled in the positive, open in the negative '
@@ -91,37 +228,34 @@ def _add(page: Report, evaluation: Evaluation) -> None:
         f"Mean movement, from its begin (style of the note's Fig. 5){spread}." + (
             ' Shaded: the person waits at the target of the movement before, which is not counted.'
             if evaluation.measured else ''))
-    names = words.known_columns(evaluation, 5)
+    names = _known_columns(evaluation)
     page.table(
-        ['condition', '', 'n', *(words.COLUMNS[name] for name in names), 'false starts'],
+        ['condition', '', 'n', *(_COLUMNS[name] for name in names), 'false starts'],
         [[*row, str(one.false_starts)] for row, one in zip(
-            words.condition_rows(evaluation, names), evaluation.conditions)],
+            condition_rows(evaluation, names), evaluation.conditions)],
         'Mean over the repetitions' + (' ± half its 95 % interval' if spread else '')
         + ', for movements in the positive (+) and negative (−) direction. The peak is from the '
         'begin of the movement until it slows down, or until the joint moves; delay: until the '
         'joint moves; > where it did not always move.')
     if evaluation.comparisons:
         page.heading('Comparisons', 3)
-        _add_comparisons(page, evaluation)
+        _add_comparisons(page, evaluation, peaks)
 
 
-def _add_comparisons(page: Report, evaluation: Evaluation) -> None:
+def _add_comparisons(page: Report, evaluation: Evaluation, peaks: Peaks | None) -> None:
     shown = sorted(evaluation.comparisons, key=lambda c: (
         list(FIGURES).index(c.figure), c.p_value is None, c.p_value or 0.0))[:_MOST_COMPARISONS]
-    peaks = words.peaks_of(evaluation)
     rows = []
     for c in shown:
-        means = [words.peak_text(mean, c.figure == 'peak_torque' and evaluation.stuck(condition))
-                 for mean, condition in ((c.mean_first, c.first), (c.mean_second, c.second))]
-        if peaks and c is peaks.test:
-            # Elsewhere on the page they have their unit beside them.
-            means = [value(_name(evaluation, condition), f'{text} N·m')
-                     for condition, text in zip(peaks.pair, peaks.torques)]
-        rows.append([words.heading(c.figure), evaluation.label(c.first),
-                     evaluation.label(c.second), *means, number(c.difference),
-                     words.with_interval(c.without_drift)
-                     if c.without_drift.half is not None else '–',
-                     words.p_value_text(c.p_value)])
+        means = peaks.texts() if peaks and c is peaks.test else [
+            '> ' * (c.figure == 'peak_torque' and evaluation.stuck(condition) > 0) + number(mean)
+            for mean, condition in ((c.mean_first, c.first), (c.mean_second, c.second))]
+        rows.append([
+            '{} ({})'.format(*FIGURES[c.figure]).removesuffix(' ()'), evaluation.label(c.first),
+            evaluation.label(c.second), *means, number(c.difference),
+            with_interval(c.without_drift) if c.without_drift.half is not None else '–',
+            '–' if c.p_value is None else
+            '< 0.001' if c.p_value < 0.001 else f'{c.p_value:.2g}'])
     page.table(['measure', 'first', 'second', 'mean of first', 'mean of second', 'difference',
                 'without drift', 'p'], rows,
                'Movements of the same day and direction. Without drift: the difference that is '
@@ -171,7 +305,7 @@ def curves_figure(evaluation: Evaluation) -> Figure:
     movements = [name for name in _SIGNS if any(
         c.movement == name for c in evaluation.conditions)]
     labels = [label for name in movements for label in (
-        f'angle {"+" if name == "positive" else "−"} (deg)',
+        f'angle {_SIGNS[name]} (deg)',
         *(['torque (N·m)'] if evaluation.measured else []))]
     colours, each = _colours(evaluation), len(labels) // len(movements)
     figure, axes = panels(

@@ -18,7 +18,6 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.text import Text
 import numpy as np
 
@@ -41,8 +40,6 @@ WIDTH = 6.6
 # Inches around the panels, and between two that share their axis of x, or not.
 _LEFT, _RIGHT, _TOP, _BOTTOM, _SHARED, _APART = 0.72, 0.12, 0.34, 0.5, 0.16, 0.72
 _MOST_DOTS, _MOST_MARKERS = 6000, 1500
-# Stretches of a long curve, each drawn with its lowest and highest point: two for each pixel.
-_STRETCHES = 1000
 
 _STYLE: dict[Any, Any] = {
     'axes.edgecolor': INK, 'axes.labelcolor': INK, 'axes.titlecolor': INK,
@@ -104,8 +101,12 @@ def panels(labels: Sequence[str], x: str | Sequence[str] = '', heights: float | 
 
 def curve(axes: Axes, x: Any, y: Any, colour: str, label: str | None = None, style: str = '-',
           **options: Any) -> None:
-    """Draw a line or markers in a colour of COLOURS; `style` is Matplotlib's format."""
-    axes.plot(x, y, style, color=COLOURS[colour], label=label, **options)
+    """Draw a line or markers in a colour of COLOURS; `style` is Matplotlib's format.
+
+    Matplotlib leaves out points of lines that nobody could see; many markers are drawn as pixels.
+    """
+    axes.plot(x, y, style, color=COLOURS[colour], label=label,
+              rasterized=style in ('.', 'o') and len(x) > _MOST_MARKERS, **options)
 
 
 def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = 'measured',
@@ -114,8 +115,7 @@ def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = 'measured',
     if len(x) > _MOST_DOTS:
         chosen = np.sort(np.random.default_rng(0).choice(len(x), _MOST_DOTS, replace=False))
         x, y = x[chosen], y[chosen]
-    curve(axes, x, y, colour, label, '.', markersize=3.4, alpha=0.6, markeredgewidth=0, zorder=3,
-          rasterized=len(x) > _MOST_MARKERS)
+    curve(axes, x, y, colour, label, '.', markersize=3.4, alpha=0.6, markeredgewidth=0, zorder=3)
 
 
 def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour: str,
@@ -142,20 +142,6 @@ def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndar
     """Return every n-th point of curves, at most about `points` of them."""
     step = max(-(-len(x) // points), 1)
     return tuple(np.asarray(values)[::step] for values in (x, *curves))
-
-
-def thin_extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Thin out a long curve to the lowest and highest point of each stretch, to keep its peaks."""
-    if len(x) <= 2 * _STRETCHES:
-        return x, y
-    edges = np.linspace(0, len(x), _STRETCHES + 1).astype(int)
-    # A stretch without numbers keeps one NaN, which draws a gap.
-    known = np.isfinite(y)
-    chosen = [first + find(np.where(known[first:last], y[first:last], other))
-              for find, other in ((np.argmin, np.inf), (np.argmax, -np.inf))
-              for first, last in zip(edges[:-1], edges[1:])]
-    indices = np.unique(chosen)
-    return x[indices], y[indices]
 
 
 def shade_directions(axes: Axes, time: np.ndarray, direction: np.ndarray) -> None:
@@ -194,26 +180,9 @@ def to_file(figure: Figure, title: str, description: str) -> str:
 </style>{text[start:]}"""
 
 
-def for_page(figure: Figure, linear: bool = False) -> tuple[str, str]:
-    """Return a figure as SVG for a page, and a note on curves that are thinned out.
-
-    The figure of a `linear` axis gets its units.
-    """
+def for_page(figure: Figure, linear: bool = False) -> str:
+    """Return a figure as SVG for a page; that of a `linear` axis gets its units."""
     if linear:
         for text in figure.findobj(Text):
             text.set_text(in_own_units(text.get_text(), True))
-    longest = max((_lighten(line) for axes in figure.axes for line in axes.lines
-                   if line.get_transform() is axes.transData), default=0)
-    note = (f' Curves have up to {longest} points: the lowest and highest of each of {_STRETCHES} '
-            'stretches are drawn.') if longest > 2 * _STRETCHES else ''
-    return to_svg(figure), note
-
-
-def _lighten(line: Line2D) -> int:
-    """Thin out a long curve, or draw many dots as pixels; return a curve's number of points."""
-    points = np.asarray(line.get_xydata(), dtype=float)
-    if line.get_linestyle() == 'None':
-        line.set_rasterized(line.get_rasterized() or len(points) > _MOST_MARKERS)
-        return 0
-    line.set_data(*thin_extremes(*points.T))
-    return len(points)
+    return to_svg(figure)

@@ -14,20 +14,20 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.arm.whole_arm import ArmResult
-from friction_comp.fleet.population import ParameterSpread, Population, UnitValue
+from friction_comp.fleet.population import ParameterSpread, Population
 from friction_comp.number_text import interval_text, number, quantity
 from friction_comp.refinement.result import RefinementReport
 from friction_comp.reports.figures import COLOURS, curve, legend, panels, styled
 from friction_comp.reports.html import Link, Report
-from friction_comp.reports.refinement_words import effect_names
+from friction_comp.reports.refinement_page import effect_names
 
 # Effects found in fewer than this share of a joint's recordings may be due to chance.
 _REPEATABLE = 0.5
 _VERDICTS = ('trust', 'trust in part', 'record again')
 # Ratio of the ends of its interval up to which a current per torque counts as determined.
 _LARGEST_RATIO = 3.0
-# Units up to which each has a row in a table, and its name and interval in the figure.
-_MOST_ROWS, _MOST_NAMES = 100, 60
+# Units up to which each has an interval in the figure.
+_MOST_INTERVALS = 60
 
 
 def verdict(content: dict[str, Any]) -> str:
@@ -87,7 +87,7 @@ def fleet_verdict(population: Population) -> str:
                       one.scale == 'logarithmic'), key=lambda one: -one.spread)
     if varying:
         text += ' From unit to unit vary most: ' + ', '.join(
-            f'{one.name} ({_spread(one)[0]})' for one in varying[:3]) + '.'
+            f'{one.name} ({_spread(one)})' for one in varying[:3]) + '.'
     return text
 
 
@@ -109,9 +109,9 @@ def _add_fleet(page: Report, population: Population) -> None:
                 'the range of 95 % of further units, the line is the mean. Units that are out are '
                 'red and named.')
     page.table(
-        ['parameter', 'mean', '95 % interval', 'unit', 'spread', '95 % interval',
-         'range of 95 % of units', 'varies'],
-        [[one.name, one.mean, interval_text(one.mean_interval), one.unit, *_spread(one),
+        ['parameter', 'mean', '95 % interval', 'unit', 'spread', 'range of 95 % of units',
+         'varies'],
+        [[one.name, one.mean, interval_text(one.mean_interval), one.unit, _spread(one),
           interval_text(one.range), 'yes' if one.varies else 'not seen']
          for one in population.parameters],
         'The population, without the units that are out. The spread is the standard deviation '
@@ -125,14 +125,8 @@ def _add_fleet(page: Report, population: Population) -> None:
             else 'With one recording of each unit, what differs from day to day counts as a '
             'difference between units: record some units twice to tell these apart. ')
         + 'In a fleet without an odd unit, one is called out on 5 of 100 pages like this one.')
-    if len(population.units) <= _MOST_ROWS:
-        page.table(
-            ['unit', *(f'{one.name} ({one.unit})' for one in population.parameters)],
-            [[unit, *(_cell(one.units[k]) for one in population.parameters)]
-             for k, unit in enumerate(population.units)],
-            'Values with 95 % intervals; what is out is bold.')
-    page.text(f'`fleet.json` holds all of this; `{population.file_name}.yaml` is its mean as a '
-              'model.')
+    page.text('`fleet.json` holds all of this and the values of each unit; '
+              f'`{population.file_name}.yaml` is the mean as a model.')
 
 
 @styled
@@ -153,7 +147,7 @@ def _draw_parameter(axis: Axes, one: ParameterSpread, count: int) -> None:
     axis.axhspan(*one.range, color=COLOURS['faint'], alpha=0.25, linewidth=0)
     axis.axhline(one.mean, color=COLOURS['faint'], linewidth=0.9)
     for chosen, colour in ((~out, 'measured'), (out, 'out')):
-        bars = np.abs(ends[:, chosen] - values[chosen]) if count <= _MOST_NAMES else None
+        bars = np.abs(ends[:, chosen] - values[chosen]) if count <= _MOST_INTERVALS else None
         axis.errorbar(np.nonzero(chosen)[0], values[chosen], bars, fmt='o', markersize=3.0,
                       linewidth=0.9, color=COLOURS[colour])
     for k in np.nonzero(out)[0]:
@@ -167,17 +161,11 @@ def _draw_parameter(axis: Axes, one: ParameterSpread, count: int) -> None:
     axis.set_title(one.name)
 
 
-def _spread(one: ParameterSpread) -> tuple[str, str]:
-    """Return the spread, and its interval."""
-    values, unit = [one.spread, *one.spread_interval], one.unit
+def _spread(one: ParameterSpread) -> str:
+    """Return the spread, in per cent of what is positive."""
     if one.scale == 'logarithmic':
-        values, unit = [100.0 * math.expm1(value) for value in values], '%'
-    return f'{number(values[0], 2)} {unit}', f'{interval_text(values[1:], 2)} {unit}'
-
-
-def _cell(unit: UnitValue) -> str:
-    text = f'{number(unit.value)} ({interval_text(unit.interval)})'
-    return f'**{text}**' if unit.out else text
+        return f'{number(100.0 * math.expm1(one.spread), 2)} %'
+    return f'{number(one.spread, 2)} {one.unit}'
 
 
 @styled
@@ -220,20 +208,20 @@ def arm_page(result: ArmResult, names: list[str], folders: dict[str, str]) -> Re
     reports = {name: joint_result.report for name, joint_result in result.results.items()}
     unit = next(iter(reports.values())).unit
     page.verdict(_joint_verdicts(reports))
-    errors = {name: (report.before.held_out_rmse, report.after.held_out_rmse, report.noise_floor)
-              for name, report in reports.items()}
+    rows: list[dict[str, Any]] = [
+        {'joint': name, 'before': report.before.held_out_rmse,
+         'after': report.after.held_out_rmse, 'noise_floor': report.noise_floor}
+        for name, report in reports.items()]
     page.table(
         ['joint', 'verdict', 'before', 'after', 'noise', 'found'],
         [[Link(name, f'{folders[name]}/report.html'), report.verdict,
-          *(quantity(error, unit) for error in errors[name]),
+          *(quantity(row[key], unit) for key in ('before', 'after', 'noise_floor')),
           effect_names(effect.name for effect in report.effects)]
-         for name, report in reports.items()],
+         for row, (name, report) in zip(rows, reports.items())],
         'RMS of measured minus predicted on parts that were not fitted, by the initial model and '
         'by the refined one; each name links to the page on that joint.')
-    page.figure(
-        _errors_figure([dict(zip(('joint', 'before', 'after', 'noise_floor'), (name, *row)))
-                        for name, row in errors.items()], unit),
-        'The same. What lies between the error and the noise is not explained yet.')
+    page.figure(_errors_figure(rows, unit), 'The same. What lies between the error and the noise '
+                'is not explained yet.')
     for name, report in reports.items():
         if report.verdict != 'trust':
             page.bullets(report.reasons, f'Limits the verdict on {name}:')
@@ -259,38 +247,25 @@ def _add_links(page: Report, result: ArmResult, unit: str) -> None:
         'a neighbouring link, or by the current per torque where torque constants were not given.')
     page.table(
         ['joint', f'{unit} per N·m', 'friction and rotor alone', 'with the links'],
-        [[row['joint'],
-          _scale_text(row['current_per_torque'], row['intervals']['current_per_torque']),
+        [[row['joint'], _scale_text(row['current_per_torque'],
+                                    row['intervals']['current_per_torque']),
           quantity(row['held_out_rmse_without'], unit), quantity(row['held_out_rmse'], unit)]
          for row in arm['rigid_bodies']],
         'Current per torque with its 95 % interval, and errors on data not fitted, before any '
         'further effect was added.')
     page.table(
-        ['link after joint', 'mass (kg)', 'URDF (kg)', 'from the recording',
-         'first moment x, y, z (kg·m)', 'from the recording'],
-        [[row['joint'], _with_interval(row['mass'], row['intervals']['mass']), row['mass_urdf'],
-          _percent(row['told_by_recording']['mass']),
-          '; '.join(_with_interval(value, bounds) for value, bounds in zip(
-              row['first_moment'], row['intervals']['first_moment'])),
-          ', '.join(_percent(value) for value in row['told_by_recording']['first_moment'])]
-         for row in arm['rigid_bodies']],
-        '95 % intervals are in brackets. "From the recording" is the share by which the '
-        'recording reduces the uncertainty; below one half the value is that of the URDF and has '
-        'no interval. All ten parameters of each link are in report.json.')
+        ['link after joint', 'mass (kg)', '95 % interval', 'URDF (kg)', 'from the recording'],
+        [[row['joint'], row['mass'], interval_text(row['intervals']['mass']), row['mass_urdf'],
+          f"{100.0 * row['told_by_recording']['mass']:.0f} %"] for row in arm['rigid_bodies']],
+        '"From the recording" is the share by which the recording reduces the uncertainty; below '
+        'one half the value is that of the URDF and has no interval. All ten parameters of each '
+        'link are in report.json.')
     page.bullets(arm['notes'])
-
-
-def _with_interval(found: float, bounds: list[float | None]) -> str:
-    return number(found) + ('' if bounds[0] is None else f' ({interval_text(bounds)})')
 
 
 def _scale_text(found: float, bounds: list[float | None]) -> str:
     """Return a current per torque as text, or that the recording does not determine it."""
     low, high = bounds
-    if low is None or high is None or high > _LARGEST_RATIO * low:
-        return 'not determined' + ('' if low is None else f' ({interval_text(bounds)})')
-    return _with_interval(found, bounds)
-
-
-def _percent(share: float) -> str:
-    return f'{100.0 * share:.0f} %'
+    known = low is not None and high is not None and high <= _LARGEST_RATIO * low
+    return (number(found) if known else 'not determined') + (
+        f' ({interval_text(bounds)})' if low is not None else '')

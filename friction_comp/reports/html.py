@@ -43,6 +43,11 @@ def value(name: str, text: str) -> str:
     return f'{_BEGIN}{name}{_NAMED}{text}{_END}'
 
 
+def without_marks(text: str) -> str:
+    """Return a text for a terminal: values without their names, nothing strong."""
+    return _VALUE.sub(r'\2', text).replace('**', '').replace('`', '')
+
+
 class Report:
     """A page that grows from top to bottom.
 
@@ -125,13 +130,13 @@ class Report:
         # Matplotlib is imported only where something is drawn.
         from friction_comp.reports.figures import for_page
 
-        drawing, note = for_page(figure, self._linear)
+        drawing = for_page(figure, self._linear)
         self._figures += 1
         # Ids must be unique among all drawings of the page.
         drawing = re.sub(r'( id="|href="#|url\(#)', rf'\g<1>f{self._figures}-', drawing)
         drawing = drawing.replace('<svg ', f'<svg role="img" aria-label="{_plain(caption)}" ', 1)
         self._parts.append(f'<figure>{drawing}<figcaption><b>Figure {self._figures}.</b> '
-                           f'{_inline(caption + note)}</figcaption></figure>')
+                           f'{_inline(caption)}</figcaption></figure>')
 
     def code(self, text: str) -> None:
         """Add a block of commands or file content."""

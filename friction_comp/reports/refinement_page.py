@@ -1,28 +1,41 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page of `refine` on one joint: what to do, the numbers, and how well they predict."""
+"""What `refine` says of one joint, on the terminal and on its page: what to do, the numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
+import math
 from pathlib import Path
-from typing import Any
+import re
+import shlex
+from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.friction_numbers import quantity_in
-from friction_comp.number_text import interval_text, number, quantity
-from friction_comp.refinement.result import RefinementReport, RefineResult
-from friction_comp.reports import refinement_words as words
+from friction_comp.model.friction_numbers import FrictionNumbers, quantity_in
+from friction_comp.number_text import number, quantity
+from friction_comp.refinement.result import Finding, FoundEffect, RefinementReport, RefineResult
 from friction_comp.reports.figures import curve, legend, panels, scatter, styled, zero
 from friction_comp.reports.html import Report, value
 
-# Units of the effects' constants.
-_UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
-          'distance': 'rad', 'position': 'rad', 'width': 'rad', 'frequency': 'per turn',
-          'time_constant': 's', 'reference_temperature': '°C'}
+# Name and unit of each number, A standing for the unit of current.
+NAMES = {'coulomb': ('Coulomb', 'A'), 'coulomb_with_load': ('… with load', 'A'),
+         'viscous': ('viscous', 'A·s/rad'), 'offset': ('offset', 'A'),
+         'viscous_asymmetry': ('viscous, half of + minus −', 'A·s/rad'),
+         'stribeck': ('Stribeck, at standstill', 'A'),
+         'stribeck_speed': ('Stribeck speed', 'rad/s'), 'transition': ('transition', 'rad/s'),
+         'inertia': ('inertia', 'A·s²/rad')}
+_LIKE_RECORDED = ' this model for motions like the recorded one.'
+# What cannot be judged, by the finding that says so; `standstill` never can.
+_NOT_JUDGED = {'no_presliding': 'starts and turns', 'no_load': 'load',
+               'no_temperature': 'temperature'}
+_SLOW_REVERSALS = '10 slow reversals (a sine of 0.1 Hz) at 250 Hz or more'
+# The first number of a sentence with its unit, and the rest.
+_SIZE = re.compile(r'(?:([+−-]?\d[\d.e+−-]* [^\s,;]+)[,;]? ?)?(.*)', re.DOTALL)
 # Signals over which errors are drawn, with their labels.
 _SIGNALS = {'position': 'position (rad)', 'velocity': 'velocity (rad/s)',
             'acceleration': 'acceleration (rad/s²)', 'load': 'load (N·m)', 'time': 'time (s)',
@@ -33,22 +46,232 @@ _SHORTEST, _LONGEST, _REVERSALS = 4.0, 60.0, 8
 _RANGES = 40
 
 
+class Row(NamedTuple):
+    """A number of the model as text."""
+
+    key: str
+    name: str
+    value: str      # with unit
+    interval: str   # 95 %; '' where there is none
+    remark: str
+
+
+def friction_rows(friction: FrictionNumbers) -> list[Row]:
+    """Return a row for each number of friction, and for the inertia, of those that are known."""
+    remarks = {'transition': 'speed over which friction changes sign'}
+    if friction.offset is None:
+        remarks |= {'coulomb': 'with the offset: the motion was in one direction',
+                    'offset': 'not known: the motion was in one direction'}
+    keys = ['coulomb', 'viscous', 'offset']
+    if friction.coulomb_with_load is not None:
+        keys.insert(1, 'coulomb_with_load')
+        remarks |= {'coulomb': ', '.join(filter(None, ('without load', remarks.get('coulomb')))),
+                    'coulomb_with_load': 'mean in the recorded motion'}
+    rows = [_row(friction, key, remarks.get(key, '')) for key in keys]
+    known = friction.breakaway
+    if known is not None:
+        sides = known['positive'], known['negative']
+        spread = math.hypot(*(side['std'] for side in sides))
+        low, high = (number(side['mean']) for side in sides)
+        rows.append(_with_torque(friction, 'breakaway', 'breakaway', known['friction'], [
+            known['friction'] - spread, known['friction'] + spread] if spread else None,
+            friction.unit, f'half of what lies between {low} and {high}'))
+    if friction.presliding is not None:
+        middle, spread = (1e3 * friction.presliding.get(name, 0.0) for name in ('distance', 'std'))
+        rows.append(Row('presliding', 'presliding', *_texts(middle, [
+            max(middle - 2.0 * spread, 0.0), middle + 2.0 * spread] if spread else None, 'mrad'),
+            'from rest until the gear slides'))
+    rows.append(_row(friction, 'transition', remarks['transition']))
+    if friction.inertia is not None:
+        rows.append(_row(friction, 'inertia', f'of {friction.inertia_holds}'))
+    return rows
+
+
+def effect_rows(report: RefinementReport) -> list[Row]:
+    """Return a row for each effect that was found but the inertia, the largest first."""
+    sizes = {one.name: one.size or 0.0 for one in report.friction.beside}
+    rows = []
+    for effect in sorted(report.effects, key=lambda one: -sizes.get(one.name, math.inf)):
+        if effect.name == 'inertia':
+            continue
+        name, _, said = effect.in_words.partition(': ')
+        # What follows the first number with its unit is a remark.
+        ends, found = amplitude_interval(effect), _SIZE.match(said)
+        size, remark = found.groups('') if found else ('', said)
+        rows.append(Row(effect.name, name[0].lower() + name[1:], size,
+                        _texts(0.5 * sum(ends), ends, '')[1] if ends else '', remark))
+    return rows
+
+
+def amplitude_interval(effect: FoundEffect) -> list[float] | None:
+    """Return the 95 % interval of an effect's one coefficient, or of the size of a sine."""
+    bounds = effect.intervals.get('coefficients')
+    units = {unit for _, unit in EFFECTS[effect.name].coefficient_names} \
+        if effect.name in EFFECTS else set()
+    if not bounds or len(units) != 1 or len(bounds) > 2 or any(None in ends for ends in bounds):
+        return None
+    if len(bounds) == 1:
+        return list(bounds[0])
+    least = [0.0 if low <= 0.0 <= high else min(abs(low), abs(high)) for low, high in bounds]
+    return [math.hypot(*least), math.hypot(*(max(abs(low), abs(high)) for low, high in bounds))]
+
+
+def _row(friction: FrictionNumbers, key: str, remark: str) -> Row:
+    """Return the row of a number; its unit is that of `NAMES`, with `friction.unit` for A."""
+    (name, unit), found = NAMES[key], getattr(friction, key)
+    if found is None:
+        return Row(key, name, '–', '', remark)
+    return _with_torque(friction, key, name, found, friction.intervals.get(key), unit, remark)
+
+
+def _with_torque(friction: FrictionNumbers, key: str, name: str, found: float,
+                 ends: list[float] | None, unit: str, remark: str) -> Row:
+    """Return a row whose remark begins with what a current gives at the joint, where known."""
+    own, gain = friction.unit, friction.torque_per_current
+    torque = 'kg·m²' if key == 'inertia' else unit.replace('A', 'N·m', 1)
+    shown = torque if own in ('N·m', 'N') else unit.replace('A', own, 1)
+    # A force in N is that of a linear axis, whose N·m are N.
+    if gain and own not in ('N·m', 'N') and 'A' in unit:
+        remark = ', '.join(filter(None, (f'{number(gain * found)} {torque}', remark)))
+    return Row(key, name, *_texts(found, ends, shown), remark)
+
+
+def _texts(found: float, ends: Sequence[float] | None, unit: str) -> tuple[str, str]:
+    """Return a value with its unit, and its interval, with as many digits as that justifies."""
+    if ends is None:
+        return f'{number(found)} {unit}', ''
+    half = 0.5 * (ends[1] - ends[0])
+    # A second digit of the interval's half only where the first is small.
+    size = math.floor(math.log10(half / 3.0)) if half > 0.0 else -3
+    places = int(min(max(-size, 0), 9))
+    low, middle, high = (f'{one:.{places}f}'.replace('-', '\u2212')
+                         for one in (ends[0], found, ends[1]))
+    return f'{middle} {unit}', f'{low} to {high}'
+
+
+def recorded(result: RefineResult) -> str:
+    """Return how long was recorded, and in how many rows."""
+    samples = result.samples
+    seconds = sum(samples.time[part][-1] - samples.time[part][0] for part in samples.segments())
+    return f'{seconds:.3g} s, {len(samples)} rows'
+
+
+def action(report: RefinementReport) -> tuple[str, str]:
+    """Return the verdict as what to do, and why."""
+    word = report.verdict[0].upper() + report.verdict[1:]
+    return word, _LIKE_RECORDED if report.verdict == 'trust' else f': {report.reasons[0]}'
+
+
+def errors(report: RefinementReport) -> list[tuple[str, str, str]]:
+    """Return key, name and text of the errors that matter most."""
+    unit, before, after = report.unit, report.before, report.after
+    alone = 'friction curve alone' if 'sigmoid' in before.model else 'the given model'
+    found = [('error', 'error while moving', quantity(after.held_out_rmse, unit)),
+             ('noise', 'noise', quantity(report.noise_floor, unit)),
+             ('before', alone, quantity(before.held_out_rmse, unit))]
+    if after.elsewhere_motion_rmse > 1.2 * after.held_out_rmse:
+        found.insert(1, ('elsewhere', 'in other motion', quantity(
+            after.elsewhere_motion_rmse, unit)))
+    return found
+
+
+def not_judged(report: RefinementReport) -> list[str]:
+    """Return what the recording does not let anybody judge, in a word each."""
+    return ['standstill', *dict.fromkeys(filter(None, map(_not_judged, report.findings)))]
+
+
+def _not_judged(finding: Finding) -> str:
+    # Nothing that takes minutes shows in a short recording.
+    return 'warm-up' if 'warm-up' in finding.text else _NOT_JUDGED.get(finding.code, '')
+
+
+def remarks(report: RefinementReport) -> list[str]:
+    """Return what else to know: neither a reason of the verdict nor in `not_judged`."""
+    said = {finding.text for finding in report.findings if _not_judged(finding)}
+    return [
+        *(f'the error still depends on {entry.variable}: {entry.note} '
+          f'({100 * entry.strength:.0f} % of the rest)' for entry in report.unexplained),
+        *(f'{question.variables}: {question.why}; to decide: {question.experiment}'
+          for question in report.ambiguous),
+        *(line for line in report.warnings if line not in said)]
+
+
+def next_steps(report: RefinementReport, output: Path) -> list[tuple[str, str]]:
+    """Return what to do next with the files in the folder `output`: a word, and how."""
+    model = shlex.quote(str(output / 'model.yaml'))
+    run = 'python3 -m friction_comp'
+    steps = [('record', line) for line in report.record_again]
+    if report.verdict != 'record again':
+        steps += [('simulate', f'{run} export {model} --to mujoco --output joint.xml'),
+                  ('feed ahead', f'{run} predict PLAN.csv --model {model} --output torque.csv')]
+        missing = [name for name in ('breakaway', 'presliding')
+                   if getattr(report.friction, name) is None]
+        if missing:
+            steps.append(('compensate', f'first find {" and ".join(missing)}: record '
+                          + _SLOW_REVERSALS))
+        else:
+            steps.append(('compensate', f'give the compensator the model: model_files [{model}]'))
+    return steps
+
+
+def effect_names(names: Iterable[str]) -> str:
+    """Return the names of effects as text with their counts, or 'nothing'."""
+    counts = Counter(name.replace('_', ' ') for name in names)
+    return ', '.join(f'{name} × {times}' if times > 1 else name
+                     for name, times in counts.items()) or 'nothing'
+
+
+def table_lines(rows: Sequence[Row]) -> list[str]:
+    """Return rows as aligned lines for a terminal."""
+    widths = [max((len(row[k]) for row in rows), default=0) for k in (1, 2, 3)]
+    return ['  ' + '  '.join(f'{text:<{width}}' for text, width in zip(
+        (row.name, row.value, row.interval, row.remark), (*widths, 0))).rstrip() for row in rows]
+
+
+def terminal_lines(result: RefineResult, names: Sequence[str], output: Path) -> list[str]:
+    """Return what `refine` prints: how the recordings were read, what to do, numbers, what next."""
+    report = result.report
+    head = f'{", ".join(names)}: {recorded(result)}'
+    if report.assumed:
+        head += '; read as ' + '; '.join(report.assumed)
+    steps = [('look', str(output / 'report.html')), *next_steps(report, output)]
+    return [head, '', *summary_lines(report), '', 'next',
+            *(f'  {word:<12}{how}' for word, how in steps)]
+
+
+def summary_lines(report: RefinementReport) -> list[str]:
+    """Return what was found in the recordings of a joint: verdict, errors, numbers."""
+    first, *others = errors(report)
+    verdict, why = action(report)
+    lines = [verdict.upper() + why, *(f'  {line}' for line in report.reasons[1:])]
+    lines += [f'  {first[1]:<19}{first[2]}; ' + ', '.join(
+        f'{name} {text}' for _, name, text in others),
+        f'  {"cannot be judged":<19}{", ".join(not_judged(report))}']
+    numbers, effects = friction_rows(report.friction), effect_rows(report)
+    table = table_lines([Row('', 'friction', 'value', '95 % interval', ''), *numbers, *effects])
+    lines += ['', *table[:1 + len(numbers)], *(['also acting'] if effects else []),
+              *table[1 + len(numbers):], f'  {report.friction.formula}']
+    if not report.effects:
+        lines.append('  no effect beyond the friction curve shows in the recordings')
+    return lines + [f'note: {line}' for line in remarks(report)]
+
+
 def refinement_page(result: RefineResult, names: Sequence[str], output: Path) -> Report:
     """Return the page; `names` are the recordings, and `output` is the folder of the results."""
     report, linear = result.report, result.model.is_linear
     unit, quantity_ = report.unit, 'force' if linear else quantity_in(report.unit)
     page = Report(f'Friction of {f"joint {report.joint}" if report.joint else "the joint"}',
-                  f'{", ".join(names)}: {words.recorded(result)}', linear)
-    verdict, why = words.action(report)
+                  f'{", ".join(names)}: {recorded(result)}', linear)
+    verdict, why = action(report)
     page.verdict(f'**{verdict}**{why}')
-    page.numbers([(value(key, text), name) for key, name, text in words.errors(report)])
+    page.numbers([(value(key, text), name) for key, name, text in errors(report)])
     page.bullets(report.reasons[1:], 'Also:')
-    page.text(f'Cannot be judged: {", ".join(words.not_judged(report))}.')
+    page.text(f'Cannot be judged: {", ".join(not_judged(report))}.')
     for line in report.assumed:
         page.text(f'Read as {line}.')
     page.table(['friction', 'value', '95 % interval'], _number_rows(
-        words.friction_rows(report.friction)))
-    effects = words.effect_rows(report)
+        friction_rows(report.friction)))
+    effects = effect_rows(report)
     if effects:
         page.table(['also acting', 'value', '95 % interval'], _number_rows(effects))
     else:
@@ -56,7 +279,7 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
     page.code(report.friction.formula)
     page.heading('What next')
     page.table(['', ''], [[f'**{word}**', f'`{how}`' if how.startswith('python3') else how]
-                          for word, how in words.next_steps(report, output)])
+                          for word, how in next_steps(report, output)])
     page.heading('Measured and predicted')
     page.figure(_time_figure(result, quantity_), f'An excerpt. Dots: measured {quantity_}; line: '
                 'predicted, each part by a fit to all others. Below: the difference, in motion.')
@@ -66,9 +289,9 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
     page.figure(_error_figure(result, shown), f'Measured minus predicted {quantity_} over '
                 f'{", ".join(shown)}. Dots: this model; lines: averages over ranges, solid in the '
                 'positive and dotted in the negative direction; broken: the same of the '
-                f'{words.errors(report)[-1][1]}, in the positive direction.')
+                f'{errors(report)[-1][1]}, in the positive direction.')
     page.heading('How sure it is')
-    page.table(['error', words.errors(report)[-1][1], 'this model'], _error_rows(report))
+    page.table(['error', errors(report)[-1][1], 'this model'], _error_rows(report))
     page.text(f'Held out are {report.held_out}. Of {report.samples} rows '
               f'{report.samples_in_motion} are fitted: those in which the joint moves and the '
               f'{quantity_} is at no limit. A joint that sticks is held by whatever acts on it, so '
@@ -80,21 +303,14 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
               f'{100 * effect.chosen:.0f} % of the searches'] for effect in report.effects],
             'The search is repeated on parts of the recording drawn at random; an effect is '
             'reported only if most searches find it.')
-        rows = list(_constant_rows(report))
-        if rows:
-            page.table(['effect', 'parameter', 'value', '95 % interval'], rows)
-    page.bullets(
-        [f'{" and ".join(pair.between)}: {number(pair.correlation, 2)}'
-         for pair in report.correlations],
-        'The recording determines these pairs together better than each alone (correlation):')
     page.bullets(f'{effect.name.replace("_", " ")}: not applied by the compensator, since {reason}'
                  for effect in result.model.effects if (reason := effect.not_fed_back))
-    page.bullets(words.remarks(report), 'Remarks:')
+    page.bullets(remarks(report), 'Remarks:')
     page.made_by(f'Recordings: {", ".join(names)}')
     return page
 
 
-def _number_rows(rows: Sequence[words.Row]) -> list[list[str]]:
+def _number_rows(rows: Sequence[Row]) -> list[list[str]]:
     return [[f'**{row.name}**' + (f', {row.remark}' if row.remark else ''),
              value(row.key, row.value).replace(' ', '\u00a0'),
              row.interval.replace(' ', '\u00a0')] for row in rows]
@@ -117,27 +333,6 @@ def _error_rows(report: RefinementReport) -> list[list[str]]:
         rows.append([label, *(value(key, text) if key else text for key, text in zip(keys, texts))])
     return [*rows, ['noise from row to row', '', value('noise', quantity(
         report.noise_floor, unit))]]
-
-
-def _constant_rows(report: RefinementReport) -> Iterator[list[str]]:
-    """Yield effect, parameter, value with unit and interval, but for what the first table has."""
-    for effect in report.effects:
-        if effect.name == 'inertia':
-            continue
-        name, values, bounds = effect.name.replace('_', ' '), effect.parameters, effect.intervals
-        # A constant that was not searched has no interval, or one of zero width.
-        for key, constant in values.items():
-            if key != 'coefficients' and bounds.get(key) not in (None, [constant, constant]):
-                yield [name, key.replace('_', ' '), f'{number(constant)} {_UNITS.get(key, "")}',
-                       interval_text(bounds[key])]
-        known = EFFECTS[effect.name].coefficient_names if effect.name in EFFECTS else ()
-        labels = [*known, *((f'coefficient {k}', '') for k in range(len(known) + 1, 9))]
-        coefficients = values.get('coefficients', ())
-        if len(coefficients) > 1:
-            for (label, own), coefficient, ends in zip(
-                    labels, coefficients, bounds.get('coefficients', ())):
-                yield [name, label, f'{number(coefficient)} {own.replace("A", report.unit, 1)}',
-                       interval_text(ends)]
 
 
 @styled

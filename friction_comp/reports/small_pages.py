@@ -28,7 +28,7 @@ from friction_comp.reports.figures import (
     zero,
 )
 from friction_comp.reports.html import Report, value
-from friction_comp.reports.refinement_words import NAMES
+from friction_comp.reports.refinement_page import NAMES
 from friction_comp.samples import Samples
 
 _RATE = 50.0  # of the drawn curves, Hz

@@ -28,8 +28,7 @@ def main(argv: list[str] | None = None) -> int:
             arguments.recordings, arguments.joint, layout_of(arguments), arguments.model,
             lambda share: report(0.9 * share))
         report(0.9, 'writing')
-        from friction_comp.reports.evaluation_page import evaluation_page
-        from friction_comp.reports.evaluation_words import terminal_lines
+        from friction_comp.reports.evaluation_page import evaluation_page, terminal_lines
 
         content = evaluations[0].as_dict()
         if len(evaluations) > 1:

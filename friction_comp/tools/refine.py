@@ -62,7 +62,7 @@ def main(argv: list[str] | None = None) -> int:
     with progress('reading') as show:
         result = refine_to_folder(given_of(arguments), arguments.recordings, arguments.output,
                                   arguments.command, show)
-    from friction_comp.reports.refinement_words import terminal_lines
+    from friction_comp.reports.refinement_page import terminal_lines
 
     names = [str(path) for path in arguments.recordings]
     return print_results(arguments, result.content(), in_own_units(

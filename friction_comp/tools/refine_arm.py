@@ -18,8 +18,7 @@ from friction_comp.recorded_drive.refine_recordings import assumed_in, notes_on,
 from friction_comp.recordings import read_arm
 from friction_comp.refinement import Origin
 from friction_comp.reports.fleet_page import arm_page
-from friction_comp.reports.refinement_page import refinement_page
-from friction_comp.reports.refinement_words import summary_lines
+from friction_comp.reports.refinement_page import refinement_page, summary_lines
 from friction_comp.results import write_report
 from friction_comp.terminal import progress
 from friction_comp.tools.common import print_results
