@@ -22,7 +22,7 @@ from friction_comp.recordings import (
     write_samples,
 )
 from friction_comp.recordings.sources import without_topic
-from friction_comp.tools.refine_arguments import folder_names
+from friction_comp.tools.common import folder_names
 
 
 def test_what_was_written_is_read_back(tmp_path):

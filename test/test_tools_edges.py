@@ -29,8 +29,7 @@ from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import write_samples
 from friction_comp.samples import Samples
 from friction_comp.tools import demo, evaluate, predict, refine, reproduce
-from friction_comp.tools.common import Arguments
-from friction_comp.tools.refine_arguments import folder_names
+from friction_comp.tools.common import Arguments, folder_names
 
 MODEL = ROOT / 'config' / 'armin_configuration_1.yaml'
 # Stands for an environment in which nothing of ROS 2 is installed.

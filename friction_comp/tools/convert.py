@@ -14,8 +14,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import check_file
 from friction_comp.stamps import NANO
 from friction_comp.terminal import progress
-from friction_comp.tools.common import Arguments
-from friction_comp.tools.refine_arguments import layout_of
+from friction_comp.tools.common import Arguments, layout_of
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -7,8 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_comp.terminal import progress
-from friction_comp.tools.common import Arguments, print_results, write_results
-from friction_comp.tools.refine_arguments import layout_of
+from friction_comp.tools.common import Arguments, layout_of, print_results, write_results
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from friction_comp.errors import InputError
 from friction_comp.terminal import progress
-from friction_comp.tools.common import Arguments, print_results
-from friction_comp.tools.refine_arguments import check_tables, given_of
+from friction_comp.tools.common import Arguments, check_tables, given_of, print_results
 from friction_comp.units import in_own_units, signal_with_unit
 
 

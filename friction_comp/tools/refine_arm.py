@@ -21,8 +21,7 @@ from friction_comp.reports.fleet_page import arm_page
 from friction_comp.reports.refinement_page import refinement_page, summary_lines
 from friction_comp.results import write_report
 from friction_comp.terminal import progress
-from friction_comp.tools.common import print_results
-from friction_comp.tools.refine_arguments import folder_names, given_of
+from friction_comp.tools.common import folder_names, given_of, print_results
 
 
 def refine_whole_arm(arguments: Namespace) -> int:

@@ -30,8 +30,13 @@ from friction_comp.recordings.pieces import Piece, pieces_of
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.results import to_json
 from friction_comp.terminal import progress
-from friction_comp.tools.common import print_results, write_results
-from friction_comp.tools.refine_arguments import folder_names, given_of, layout_of
+from friction_comp.tools.common import (
+    folder_names,
+    given_of,
+    layout_of,
+    print_results,
+    write_results,
+)
 
 # Recordings from which processes save more time than their start takes, some seconds each.
 MIN_SHARED = 8

@@ -21,8 +21,7 @@ from friction_comp.recordings.table_files import open_table
 from friction_comp.refinement import thresholds
 from friction_comp.reports.small_pages import steady_state_page, steady_state_rows
 from friction_comp.statistics import rms
-from friction_comp.tools.common import print_results, write_results
-from friction_comp.tools.refine_arguments import given_of
+from friction_comp.tools.common import given_of, print_results, write_results
 from friction_comp.units import in_own_units
 from friction_comp.used_columns import Column
 
@@ -48,16 +47,14 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
     with errors_name(path):
         fit = fit_steady_states(
             speeds, torques / (1.0 if in_ampere else drive.torque_per_current), drive)
-    limit = arguments.current_limit or float(f'{np.max(np.abs(fit.currents)):.4g}')
+    limit = float(f'{np.max(np.abs(fit.currents)):.4g}')
     linear = velocity.dimension == 'length/time'
     model = replace(
         fit.model, drive=replace(drive, current_limit=limit),
         joint=arguments.joint or velocity.joint or effort.joint,
         notes={'refined_from': [str(path)], 'unit': unit,
                **({'position_unit': 'm'} if linear else {}),
-               **({} if arguments.current_limit else {
-                   'current_limit': 'the largest current of the table, since no other limit was '
-                                    'given'})})
+               'current_limit': 'the largest current of the table'})
     fit = replace(fit, model=model)
     loads = [name for name in table.names if name != effort.name
              and read_name(name).signal in ('load', 'link_torque')]

@@ -15,8 +15,7 @@ import numpy as np
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import to_yaml, write_atomically
 from friction_comp.terminal import progress
-from friction_comp.tools.common import Arguments
-from friction_comp.tools.refine_arguments import layout_of
+from friction_comp.tools.common import Arguments, layout_of
 
 
 def main(argv: list[str] | None = None) -> int:
