@@ -31,7 +31,7 @@ MOST = {
     'reports': 1000, 'glossary': 300, 'results': 1200, 'msg_docs': 1900, 'nodes': 350,
     'safety': 820, 'torque_controlled_robots': 400}
 # Pages that are still too long or tell of what was.
-LATER = ('law_tried', 'refine_tried', 'compensation_law', 'direction', 'excite', 'identification',
+LATER = ('compensation_law', 'direction', 'excite', 'identification',
          'many_robots', 'refinement', 'tables')
 PAGES = sorted(path for folder in ('.', 'docs', 'msg_docs', 'bench', 'sros2')
                for path in (ROOT / folder).glob('*.md'))
@@ -93,7 +93,7 @@ def test_a_page_is_short_and_says_what_is(page):
 
 
 def test_all_pages_together_are_25000_words():
-    assert sum(len(words_of(page)) for page in PAGES) <= 50_000
+    assert sum(len(words_of(page)) for page in PAGES) <= 35_000
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.stem)
