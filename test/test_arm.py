@@ -12,8 +12,7 @@ from friction_comp.arm.fit import fit_arm
 from friction_comp.arm.link_inertia import Bodies, nearest_possible, pseudo_inertia
 from friction_comp.arm.urdf import Chain, match_names
 from friction_comp.errors import InputError
-from friction_comp.model.arm.arm import moving_states
-from friction_comp.model.arm.tree import FREE_FALL, Tree
+from friction_comp.model.arm import FREE_FALL, moving_states, Tree
 from friction_comp.samples import JointStates, Samples
 
 # One link, as a text in which single values are replaced.

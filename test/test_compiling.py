@@ -64,8 +64,8 @@ def test_no_model_loads_code_or_modules_while_a_motor_is_driven():
     before = loaded()
     """ + LAW + """
     from pathlib import Path
-    from friction_comp.model.arm.arm import Arm
-    from friction_comp.model.arm.tree import Tree
+    from friction_comp.model.arm import Arm
+    from friction_comp.model.arm import Tree
     from friction_comp.model.effects import EFFECTS
     for name in ('continuous', 'paper', 'kinetic', 'none'):
         law = CompensationLaw(models, name)

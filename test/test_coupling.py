@@ -11,7 +11,7 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.arm.coupling import Coupling, groups_for, neighbourhood
+from friction_comp.model.arm import Coupling, groups_for, neighbourhood
 from friction_comp.refinement import refine
 from friction_comp.refinement.judge import friction_would_push
 from friction_comp.refinement.prepare import join, prepare

@@ -13,10 +13,8 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import Coverage, EFFECTS
-from friction_comp.model.effects.base import with_range
-from friction_comp.model.effects.definitions import Signals
+from friction_comp.model.effects.base import LiveTerm, SHARPEST_LIVE, Signals, with_range
 from friction_comp.model.effects.history_effects import Backlash, Hysteresis
-from friction_comp.model.effects.live_term import LiveTerm, SHARPEST_LIVE
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples

@@ -7,7 +7,7 @@ import pytest
 from test_prepare import swings
 
 from friction_comp.drive import Drive
-from friction_comp.model.effects.definitions import Coverage
+from friction_comp.model.effects.base import Coverage
 from friction_comp.model.effects.history_effects import RestTime
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid

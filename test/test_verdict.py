@@ -14,7 +14,7 @@ from test_prepare import swings
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.definitions import Coverage
+from friction_comp.model.effects.base import Coverage
 from friction_comp.model.motor_check import cautions
 from friction_comp.parallel import one_thread
 from friction_comp.recordings import write_samples

@@ -14,11 +14,9 @@ import pytest
 
 from friction_comp.arm.urdf import Chain
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.model.arm.arm import Arm
-from friction_comp.model.arm.coupling import Coupling, Group
-from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
+from friction_comp.model.arm import Arm, Coupling, FREE_FALL, Group, PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.definitions import CARRIES
+from friction_comp.model.effects.base import CARRIES
 from friction_comp.samples import Samples
 
 JOINT = 'elbow'

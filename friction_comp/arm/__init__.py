@@ -2,5 +2,5 @@
 # SPDX-License-Identifier: Apache-2.0
 """An arm from recordings and a URDF: its links together with what acts on each joint, offline.
 
-The result, a `friction_comp.model.arm.tree.Tree` with fitted parameters, becomes part of the model.
+The result, a `friction_comp.model.arm.Tree` with fitted parameters, becomes part of the model.
 """

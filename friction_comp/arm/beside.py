@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.arm.solver import ArmRows, FRICTION, FRICTION_SIGNS, linearised, Prior
-from friction_comp.model.arm.coupling import friction_groups
-from friction_comp.model.arm.tree import PARAMETERS, Tree
+from friction_comp.model.arm import friction_groups, PARAMETERS, Tree
 from friction_comp.model.effects import Coverage, EFFECTS, ResidualView
 from friction_comp.refinement import search, thresholds
 from friction_comp.refinement.block_sums import BlockSums

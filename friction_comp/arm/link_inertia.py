@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_comp.model.arm.tree import PARAMETERS
+from friction_comp.model.arm import PARAMETERS
 
 # Least mass in kg and extent in m; many URDFs have massless links that only define frames.
 _LEAST_MASS, _LEAST_RADIUS = 1e-3, 1e-3

@@ -20,8 +20,7 @@ from scipy.linalg import block_diag
 
 from friction_comp.arm.link_inertia import Bodies
 from friction_comp.arm.urdf import Chain
-from friction_comp.model.arm.arm import moving_states
-from friction_comp.model.arm.tree import PARAMETERS
+from friction_comp.model.arm import moving_states, PARAMETERS
 from friction_comp.samples import Samples
 from friction_comp.statistics import student_quantile
 

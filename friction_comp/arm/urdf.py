@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from friction_comp.errors import InputError
 from friction_comp.files import read_xml
-from friction_comp.model.arm.tree import FREE_FALL, Tree
+from friction_comp.model.arm import FREE_FALL, Tree
 
 # Words that drivers and robot descriptions add to joint names.
 _GENERIC_WORDS = ('joint', 'axis')

@@ -15,7 +15,7 @@ from friction_comp.arm.fit import ArmFit, fit_arm
 from friction_comp.arm.urdf import Chain
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.arm.arm import Arm
+from friction_comp.model.arm import Arm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import one_thread
 from friction_comp.refinement.prepare import clipped

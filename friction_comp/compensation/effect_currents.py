@@ -13,9 +13,7 @@ from collections.abc import Callable
 import math
 from typing import NamedTuple
 
-from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.definitions import CARRIES
-from friction_comp.model.effects.live_term import LiveTerm
+from friction_comp.model.effects.base import CARRIES, Effect, LiveTerm
 from friction_comp.model.friction_model import FrictionModel
 
 _ARM_SIGNALS = {'rigid_body', 'coupling'}

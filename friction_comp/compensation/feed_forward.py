@@ -16,7 +16,7 @@ import numpy as np
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.compensation.law_parameters import DEFAULT_FASTEST, SHARE
-from friction_comp.model.effects.definitions import RESISTS
+from friction_comp.model.effects.base import RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
 

@@ -17,8 +17,7 @@ import numpy as np
 from friction_comp.compensation.feed_forward import feed_forward, FeedForward
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
-from friction_comp.model.arm.arm import Arm
-from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
+from friction_comp.model.arm import Arm, FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.motor_check import doubts

@@ -13,9 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.definitions import CARRIES
-from friction_comp.model.effects.live_term import LiveTerm
+from friction_comp.model.effects.base import CARRIES, Effect, LiveTerm
 from friction_comp.model.friction_model import FrictionModel
 
 GRAVITY = ('feed_forward', 'left_to_robot')

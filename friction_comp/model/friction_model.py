@@ -17,13 +17,13 @@ from friction_comp.files import write_yaml
 from friction_comp.model import model_file
 from friction_comp.model.differentiation import as_recorded, DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import Effect
-from friction_comp.model.effects.definitions import RESISTS
+from friction_comp.model.effects.base import RESISTS
 from friction_comp.model.measured import Breakaway, Presliding, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
-    from friction_comp.model.arm.arm import Arm
+    from friction_comp.model.arm import Arm
 
 # Signals beside position and velocity that a planned motion tells.
 _PLANNED = {'acceleration', 'rigid_body', 'coupling'}

@@ -19,8 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.definitions import RESISTS
+from friction_comp.model.effects.base import Effect, RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import LINE
 from friction_comp.samples import Samples

@@ -205,7 +205,7 @@ def _recorded(section: Any) -> Recorded:
 
 def _arm(section: Any) -> Any:
     # Few files have one.
-    from friction_comp.model.arm.arm import Arm
+    from friction_comp.model.arm import Arm
 
     return Arm.from_dict(check_mapping(section, 'arm'))
 

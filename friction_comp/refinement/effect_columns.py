@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.arm.coupling import friction_groups, Group, groups_for
+from friction_comp.model.arm import friction_groups, Group, groups_for
 from friction_comp.model.effects import Effect, EFFECTS, ResidualView
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums

@@ -18,7 +18,7 @@ from friction_comp.drive import Drive
 from friction_comp.facts.motion import STANDSTILL, velocity_agreement
 from friction_comp.facts.timing import lost_rows
 from friction_comp.model.effects import Coverage, EFFECTS
-from friction_comp.model.effects.definitions import RESISTS, too_coarse
+from friction_comp.model.effects.base import RESISTS, too_coarse
 from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit

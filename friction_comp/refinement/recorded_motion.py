@@ -18,7 +18,7 @@ from scipy.ndimage import grey_opening, maximum_filter1d
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.arm.arm import moving_states
+from friction_comp.model.arm import moving_states
 from friction_comp.model.differentiation import (
     differentiate,
     filters,

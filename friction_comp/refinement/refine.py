@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.model.arm.arm import Arm
-from friction_comp.model.arm.coupling import Coupling
+from friction_comp.model.arm import Arm, Coupling
 from friction_comp.model.effects import Effect, EFFECTS
-from friction_comp.model.effects.base import with_range
-from friction_comp.model.effects.definitions import RESISTS
+from friction_comp.model.effects.base import RESISTS, with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import line_of
 from friction_comp.model.sigmoid import Sigmoid

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from friction_comp.model.differentiation import shifted_in_time
-from friction_comp.model.effects.definitions import RESISTS
+from friction_comp.model.effects.base import RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway, Presliding
 from friction_comp.refinement import thresholds

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from friction_comp.model.arm.coupling import neighbourhood
+from friction_comp.model.arm import neighbourhood
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement import thresholds

@@ -8,10 +8,11 @@ from friction_comp.model.effects import (
     torque_effects as torque,
     velocity_effects as velocity,
 )
-from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.definitions import (
+from friction_comp.model.effects.base import (
     CARRIES,
     Coverage,
+    Effect,
+    LiveTerm,
     NEITHER,
     ResidualView,
     RESISTS,
@@ -19,7 +20,6 @@ from friction_comp.model.effects.definitions import (
     Signals,
     VARIABLES,
 )
-from friction_comp.model.effects.live_term import LiveTerm
 
 EFFECTS: dict[str, type[Effect]] = {}
 """Every effect by its name, in the order in which refinement tries them."""

@@ -1,29 +1,130 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The base class of effects; everything specific to an effect is in its own class."""
+"""What effects are: signals and coverage that define them, their base class, and one that is live.
+
+Everything specific to an effect is in its own class.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import namedtuple
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 import copy
+from dataclasses import dataclass
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from friction_comp.checks import check_interval, check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.effects.definitions import (
-    Coverage,
-    ResidualView,
-    RESISTS,
-    SearchRange,
-    Signals,
-)
 from friction_comp.samples import Samples
+
+VARIABLES = (
+    'velocity', 'direction', 'position', 'acceleration', 'load', 'temperature', 'time', 'history',
+    'other joints')
+
+RESISTS, CARRIES, NEITHER = 'resists', 'carries', 'neither'
+"""Roles of an effect: it dissipates energy, as friction; it is a torque that does not depend on the
+direction of motion, as gravity; or it is not a torque."""
+
+
+class Signals(NamedTuple):
+    """The signals that a formula may use: arrays over samples, or one sample's numbers."""
+
+    time: Any = 0.0           # s since the recording began, or since the compensator did
+    position: Any = 0.0       # rad
+    velocity: Any = 0.0       # rad/s
+    acceleration: Any = 0.0   # rad/s²
+    load: Any = 0.0           # back-driving torque, N·m
+    temperature: Any = 0.0    # degrees Celsius
+    sign: Any = 0.0           # sign of friction, -1..1, which passes through zero smoothly
+    memory: Any = 0.0         # state of an effect that has one
+    rigid_body: Any = 0.0     # torque that the joint supplies for the links of the arm, N·m
+    coupling: Any = 0.0       # current that the motor needs because of other joints, A
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """The ranges that a set of recordings covers, within which constants are searched."""
+
+    transition: float         # rad/s over which friction changes sign: tanh(v/transition)
+    speed: float              # 95th percentile of the speed while moving, rad/s
+    slowest: float            # rad/s below which samples count as standstill
+    lowest: float             # ends of the range of position, 1st and 99th percentile, rad
+    highest: float
+    duration: float           # of the longest recording, s
+    temperature: float = 25.0         # median, degrees Celsius
+    resolution: float = 0.0           # smallest step of the recorded position, rad
+    both_directions: bool = True      # whether there is motion in both
+    passed_again: float = 1.0         # share of the motion at places that were passed twice or more
+    slow: float = 0.0                 # 5th percentile of the speed while moving, rad/s
+    reversals: float = math.inf       # of the direction of motion
+    rest_duration: float = math.inf          # how long the joint stood still, s
+    distinct_positions: float = math.inf       # distinct positions that the encoder gave
+    temperature_span: float = math.inf        # range of the motor temperature, K
+    median_speed: float = math.inf     # median of the speed while moving, rad/s
+    speed_spread: float = math.inf    # its standard deviation as a share of its mean
+    linear: bool = False              # whether positions are in m
+
+    @property
+    def span(self) -> float:
+        """Width of the range of position in rad, never zero: constants are shares of it."""
+        return max(self.highest - self.lowest, 1e-9)
+
+
+@dataclass(frozen=True)
+class ResidualView:
+    """A residual from which effects propose constants: arrays of shape (R,)."""
+
+    coverage: Coverage
+    position: Any                     # rad
+    velocity: Any                     # rad/s
+    sign: Any                         # sign of friction, -1..1
+    residual: Any                     # A
+    row_time: float                   # s over which each row was averaged
+    # Loads of the terms of the fit, see `Effect.load_share`.
+    load_shares: list[dict[str, float]]
+
+
+@dataclass(frozen=True)
+class SearchRange:
+    """How a constant is searched around an initial value."""
+
+    # Half width of the bracket: a factor, or a number of units if `unit` is given.
+    width: float
+    # Size of one unit, for constants searched on a linear scale; without it, it is logarithmic.
+    unit: Callable[[Coverage, dict[str, float]], float] | None = None
+    # Lowest and highest value; beyond them the effect is another one.
+    limits: Callable[[Coverage, dict[str, float]], tuple[float, float]] | None = None
+
+
+# Fewest positions of a fine encoder: with fewer, a hundredth of the range is a step or two.
+_COARSE = 150
+
+NEARLY_ONE_SPEED = 0.4
+"""Largest spread of a speed that is constant except for starts and reversals: motion to and fro at
+one speed has 0.25 to 0.35; production strokes, several speeds and sines have 0.46 and more."""
+
+
+def turns_often(coverage: Coverage) -> str:
+    """Return why nothing can happen at one position only; empty within two turns."""
+    turns = coverage.span / (2.0 * math.pi)
+    return '' if turns <= 2.0 else (
+        f'The joint turned {turns:.0f} times: of the effects of position, only those that repeat '
+        'every turn are tried.')
+
+
+def too_coarse(coverage: Coverage) -> str:
+    """Return a warning if the encoder gave too few distinct positions; empty otherwise."""
+    if coverage.distinct_positions >= _COARSE:
+        return ''
+    return (f'Position is coarse: {coverage.distinct_positions:.0f} distinct values. Lag, '
+            'presliding and other effects within a few steps of it cannot be seen, and '
+            'acceleration is uncertain.')
+
 
 _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
              'gap', 'time_constant', 'speed')
@@ -176,10 +277,10 @@ class Effect(ABC):
 
     @staticmethod
     def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-        """Return the state one sample later, for effects with `has_memory`.
+        """Return the state one sample later, for effects with `has_memory`, by plain arithmetic.
 
-        `dt` (s) and `dq` (rad) are the changes since the previous sample, `velocity` is the present
-        one, rad/s.
+        It is also compiled, for long recordings. `dt` (s) and `dq` (rad) are the changes since the
+        previous sample, `velocity` is the present one, rad/s.
         """
         return state
 
@@ -355,3 +456,81 @@ def with_range(effect: Effect, samples: Samples, only_recorded: bool = False) ->
     twin = copy.copy(effect)
     twin.valid_range = ranges
     return twin
+
+
+SHARPEST_LIVE = 0.01
+"""Smallest velocity in rad/s over which a term that is fed back changes sign. A recording may show
+a thousandth, but then every encoder count would switch the whole term."""
+
+
+class LiveTerm:
+    """An effect as the compensator evaluates it, one sample at a time, in order of time."""
+
+    def __init__(self, effect: Effect) -> None:
+        effect = effect.fed_back()
+        values = dict(effect.values)
+        self._transition = None
+        if 'transition' in values:
+            self._transition = values['transition'] = max(values['transition'], SHARPEST_LIVE)
+        self._effect, self._constants = effect, effect.Constants(**values)
+        self.needs, self.has_memory = effect.needs, effect.has_memory
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the motion."""
+        self._state: float | None = None
+        self._time = self._position = 0.0
+
+    def update(self, time: float, position: float, velocity: float,
+               temperature: float | None = None, load: float | None = None,
+               rigid_body: float | None = None, coupling: float | None = None) -> float:
+        """Return the current in A for this sample; units as in `Signals`, arm at rest."""
+        sign = math.tanh(velocity / self._transition) if self._transition else 0.0
+        state = self._remember(time, position, velocity)
+        # By position, in the order of the fields: arguments by name take twice as long.
+        value = self._evaluate(Signals(0.0, position, velocity, 0.0, load, temperature, sign, state,
+                                       rigid_body, coupling))
+        if self._effect.fed_back_in_motion:
+            value *= abs(math.tanh(velocity / SHARPEST_LIVE))
+        return value
+
+    def both_sides(self, time: float, position: float, speed: float,
+                   temperature: float | None = None, load: float | None = None,
+                   rigid_body: float | None = None, coupling: float | None = None
+                   ) -> tuple[float, float]:
+        """Return the current in A in the positive and in the negative direction; see `update`.
+
+        As after sliding far enough to complete the reversal, which the caller models.
+        """
+        state = self._remember(time, position, speed)
+        values = []
+        for sign in (1.0, -1.0):
+            turned = float(self._effect.start(sign, self._constants))
+            values.append(self._evaluate(Signals(
+                0.0, position, sign * abs(speed), 0.0, load, temperature, sign,
+                turned if turned != 0.0 else state, rigid_body, coupling)))
+        return values[0], values[1]
+
+    def _evaluate(self, x: Signals) -> float:
+        for name, (low, high) in self._effect.valid_range.items():
+            value = getattr(x, name)
+            # Rarely, since replacing takes longer than evaluating an effect.
+            if value is not None and not low <= value <= high:
+                x = x._replace(**{name: min(max(value, low), high)})
+        total = 0.0
+        for gain, column in zip(self._effect.coefficients,
+                                self._effect.columns(x, self._constants)):
+            total += gain * column
+        return float(total)
+
+    def _remember(self, time: float, position: float, velocity: float) -> float:
+        if not self.has_memory:
+            return 0.0
+        if self._state is None:
+            self._state = float(self._effect.start(0.0, self._constants))
+        else:
+            self._state = self._effect.step(
+                self._state, max(0.0, time - self._time), position - self._position, velocity,
+                self._constants)
+        self._time, self._position = time, position
+        return self._state

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.definitions import (
+from friction_comp.model.effects.base import (
     CARRIES,
     Coverage,
+    Effect,
     NEITHER,
     SearchRange,
     Signals,

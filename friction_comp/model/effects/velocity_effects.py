@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.definitions import Coverage, SearchRange, Signals
+from friction_comp.model.effects.base import Coverage, Effect, SearchRange, Signals
 
 
 def _speed_hardly_varied(coverage: Coverage) -> str:
