@@ -17,7 +17,7 @@ from bench_tools import table_parser
 from many_recordings import timed
 import numpy as np
 
-from friction_comp.fleet.spread import spread_of, units_from_recordings
+from friction_comp.fleet.population import spread_of, units_from_recordings
 from simulated_recordings.fleet import FAULTS, write_fleet
 
 

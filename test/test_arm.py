@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from friction_comp.arm.fit import fit_arm
-from friction_comp.arm.link_inertia import Bodies, nearest_possible, pseudo_inertia
+from friction_comp.arm.solver import Bodies, nearest_possible, pseudo_inertia
 from friction_comp.arm.urdf import Chain, match_names
 from friction_comp.errors import InputError
 from friction_comp.model.arm import FREE_FALL, moving_states, Tree

@@ -15,8 +15,7 @@ from recording_maker import record_with_diagnostics, STORE
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate, evaluate_recordings
-from friction_comp.evaluation.movements import find_movements
-from friction_comp.evaluation.repetitions import Compensation
+from friction_comp.evaluation.repetitions import Compensation, find_movements
 from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import read_recording_with_info, RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity

@@ -10,8 +10,7 @@ from scipy.signal import lfilter
 
 from friction_comp.evaluation.compare import compare, mean_interval, share_interval
 from friction_comp.evaluation.conditions import MeasuredJoint
-from friction_comp.evaluation.movements import Movement
-from friction_comp.evaluation.repetitions import Compensation, Repetition
+from friction_comp.evaluation.repetitions import Compensation, Movement, Repetition
 from friction_comp.reports.evaluation_page import verdict
 
 PLAIN, HELPED = Compensation('none', '', 0), Compensation('continuous', 'a.yaml', 1)

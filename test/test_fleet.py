@@ -11,8 +11,13 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.fleet.common_model import CommonModel
-from friction_comp.fleet.population import ERROR, population_of
-from friction_comp.fleet.spread import spread_of, units_from_recordings, Values
+from friction_comp.fleet.population import (
+    ERROR,
+    population_of,
+    spread_of,
+    units_from_recordings,
+    Values,
+)
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid

@@ -26,8 +26,7 @@ import numpy as np
 
 from friction_comp.arm import solver
 from friction_comp.arm.beside import Beside, columns_of, JointTerm, signs_at
-from friction_comp.arm.link_inertia import Bodies
-from friction_comp.arm.solver import LinkIntervals, Prior, Sums
+from friction_comp.arm.solver import Bodies, LinkIntervals, Prior, Sums
 from friction_comp.arm.urdf import Chain
 from friction_comp.errors import InputError
 from friction_comp.model.arm import FREE_FALL, moving_states, PARAMETERS, Tree

@@ -28,11 +28,11 @@ from friction_comp.evaluation.compare import (
     mean_interval,
     share_interval,
 )
-from friction_comp.evaluation.movements import find_movements
 from friction_comp.evaluation.repetitions import (
     Compensation,
     curve_times,
     FIGURES,
+    find_movements,
     measure,
     NAMES,
     ODD,

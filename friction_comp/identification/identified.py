@@ -19,7 +19,7 @@ from friction_comp.identification.goal import IdentificationError, Identificatio
 from friction_comp.identification.inertia import Inertia
 from friction_comp.identification.profiles import KineticPoint
 from friction_comp.identification.ramps import BreakawayRecords
-from friction_comp.model.arm.arm import Arm
+from friction_comp.model.arm import Arm
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway, Presliding

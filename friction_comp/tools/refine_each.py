@@ -17,8 +17,7 @@ from typing import Any
 from friction_comp.errors import InputError
 from friction_comp.files import encodable, output_folder, to_yaml
 from friction_comp.fleet.common_model import CommonModel
-from friction_comp.fleet.population import fleet_json, Population, population_of
-from friction_comp.fleet.spread import FEWEST_UNITS
+from friction_comp.fleet.population import FEWEST_UNITS, fleet_json, Population, population_of
 from friction_comp.interrupts import interrupts_deferred
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import number
