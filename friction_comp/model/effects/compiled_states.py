@@ -13,10 +13,9 @@ from typing import Any
 from numba import njit
 import numpy as np
 
-from friction_comp.model.effects.history_effects import Backlash, Hysteresis, RestTime
+from friction_comp.model.effects.steps import backlash_step, dahl_step, rest_step
 
-_dahl, _backlash, _rest = (njit(cache=True)(kind.step)
-                           for kind in (Hysteresis, Backlash, RestTime))
+_dahl, _backlash, _rest = (njit(cache=True)(step) for step in (dahl_step, backlash_step, rest_step))
 
 
 # One function each: compiled code is kept for functions that it names, not for arguments.

@@ -17,6 +17,7 @@ from friction_comp.model.effects.base import (
     Signals,
     too_coarse,
 )
+from friction_comp.model.effects.steps import backlash_step, dahl_step, rest_step
 
 
 def _shortest_reversal(coverage: Coverage, steps: float = 3.0) -> float:
@@ -61,26 +62,7 @@ class Hysteresis(Effect):
         return [{'distance': value, 'exponent': 1.0}
                 for value in np.geomspace(min(lowest, 0.02 * span), 0.15 * span, 12).tolist()]
 
-    @staticmethod
-    def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-        """Return Dahl's state z after a step of position, solved exactly.
-
-        dz/dq = (1 - z·sgn(dq))^p / distance (Dahl 1968): p < 1 reverses within a finite distance.
-        """
-        if dq == 0.0:
-            return state
-        sign = 1.0 if dq > 0.0 else -1.0
-        # Remaining part of the reversal, 0..2.
-        remaining = 1.0 - sign * state
-        if remaining <= 0.0:
-            return sign
-        travel = abs(dq) / c.distance
-        if abs(c.exponent - 1.0) < 1e-6:
-            remaining *= math.exp(-travel)
-        else:
-            power = remaining ** (1.0 - c.exponent) - (1.0 - c.exponent) * travel
-            remaining = power ** (1.0 / (1.0 - c.exponent)) if power > 0.0 else 0.0
-        return sign * (1.0 - remaining)
+    step = staticmethod(dahl_step)
 
     @staticmethod
     def start(sign: Any, c: Any) -> Any:
@@ -104,6 +86,7 @@ class Hysteresis(Effect):
         p = self.values['exponent']
         reach = math.log(2.0) if abs(p - 1.0) < 1e-6 else (0.5 ** (1.0 - p) - 1.0) / (p - 1.0)
         return self.coefficients[0], reach / math.log(2.0) * self.values['distance']
+
 
 
 class Backlash(Effect):
@@ -138,11 +121,7 @@ class Backlash(Effect):
                 for gap in np.geomspace(min(10.0 * shortest, 0.02 * span), 0.25 * span, 6).tolist()
                 for share in (0.1, 0.7)]
 
-    @staticmethod
-    def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-        """Return how far the joint is from the middle of its backlash, rad."""
-        reach = 0.5 * c.gap + c.distance
-        return min(reach, max(-reach, state + dq))
+    step = staticmethod(backlash_step)
 
     @staticmethod
     def start(sign: Any, c: Any) -> Any:
@@ -159,6 +138,7 @@ class Backlash(Effect):
 
     def dahl_friction(self) -> tuple[float, float]:
         return self.coefficients[0], self.values['distance'] + 0.5 * self.values['gap']
+
 
 
 class RestTime(Effect):
@@ -190,12 +170,7 @@ class RestTime(Effect):
                 for constant in np.geomspace(0.3, 30.0, 5).tolist()
                 for distance in np.geomspace(2e-3 * span, 0.2 * span, 5).tolist()]
 
-    @staticmethod
-    def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-        """Return the share of the friction gained at rest, 0..1, one sample later."""
-        if abs(velocity) < c.velocity:
-            return 1.0 - (1.0 - state) * math.exp(-dt / c.time_constant)
-        return state * math.exp(-abs(dq) / c.distance)
+    step = staticmethod(rest_step)
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
