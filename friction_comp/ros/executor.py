@@ -105,8 +105,7 @@ class StreamExecutor(executors.Executor):
     """Waits for messages only, and polls services, actions and timers fifty times per second.
 
     rclpy rebuilds its wait set for every callback from all entities of a node. Here none of them
-    delays a message, which saves half of the processor time (bench/lockstep.py,
-    bench/round_trip.py).
+    delays a message, which saves half of the processor time (bench/round_trip.py).
 
     Before a message is taken from a subscription, all messages of those created earlier are taken:
     a node whose answer to a topic depends on another topic subscribes to that one first.
