@@ -5,32 +5,22 @@
 import json
 import os
 from pathlib import Path
-import signal
 import subprocess
 import sys
 import time
 
 from helpers import undocumented
-from node_process import fork_nodes_of_tools, ROOT, shorten_scenes
+from node_process import ROOT, shorten_scenes
 import pytest
-import yaml
 
 from friction_comp.__main__ import run
-from friction_comp.demo.processes import Nodes, only_user, ros_arguments
+from friction_comp.demo.processes import only_user
 from friction_comp.errors import InputError
-from friction_comp.parallel import interrupts_deferred
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from friction_comp.demo import to_and_fro
 from friction_comp.demo.system import clear_results
-
-
-def test_parameters_are_written_as_yaml_reads_them():
-    values = {'a': True, 'b': [1.5, 'x y'], 'c': "it's", 'd': Path('größe')}
-    written = dict(word.split(':=') for word in ros_arguments(values)[4::2])
-    assert {name: yaml.safe_load(word) for name, word in written.items()} == {
-        **values, 'd': 'größe'}
 
 
 def test_a_second_demo_into_the_folder_of_a_running_one_is_refused(tmp_path, capsys):
@@ -49,16 +39,6 @@ def test_a_second_demo_into_the_folder_of_a_running_one_is_refused(tmp_path, cap
     assert of_ros() == before
     with only_user(tmp_path / 'room'):
         pass
-
-
-@pytest.mark.slow
-def test_a_failed_node_is_reported_with_its_reason(tmp_path, monkeypatch):
-    fork_nodes_of_tools(monkeypatch)
-    with Nodes(tmp_path) as nodes:
-        nodes.start('plant', {'joints': ['a'], 'model_files': ['missing.yaml']})
-        assert nodes._running['plant'].wait() == 2
-        with pytest.raises(InputError, match=r'plant ended with status 2: .*missing\.yaml'):
-            nodes.running('plant')
 
 
 def test_a_demo_removes_only_results_of_a_demo(tmp_path):
@@ -85,23 +65,6 @@ def alive(folder):
         except OSError:
             pass
     return found
-
-
-def test_an_interrupt_while_a_process_starts_is_deferred():
-    done = []
-
-    def started_while_interrupted():
-        with interrupts_deferred():
-            os.kill(os.getpid(), signal.SIGINT)
-            done.append('started')
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            started_while_interrupted()
-        assert done == ['started']
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.slow

@@ -246,16 +246,6 @@ def test_the_steps_of_a_page_work_in_its_order(page, drive, tmp_path, monkeypatc
             del EFFECTS[name]
 
 
-def test_every_effect_has_a_page(tmp_path, monkeypatch):
-    pages = script('effect_pages')
-    monkeypatch.setattr(pages, 'to_svg', lambda _: '')
-    pages.write_pages(tmp_path)
-    for name, kind in EFFECTS.items():
-        page = (tmp_path / f'{name}.md').read_text(encoding='utf-8')
-        assert pages.RECORD[kind.variable] in page
-        assert all(f'`{constant}`' in page for constant in kind.constants)
-
-
 def test_changelog_has_this_version():
     text = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
     assert re.search(rf'^{re.escape(__version__)} \(\d{{4}}-\d\d-\d\d\)\n-+$', text, re.MULTILINE)

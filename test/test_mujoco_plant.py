@@ -3,7 +3,6 @@
 """The plant with links that MuJoCo simulates."""
 
 import json
-import sys
 
 from helpers import note_model
 from node_process import shorten_scenes
@@ -36,17 +35,6 @@ def engine():
     pytest.importorskip('mujoco', reason='MuJoCo is not in this environment')
 
 
-def test_time_begins_at_zero():
-    plant = arm()
-    assert plant.state.time == 0.0
-    assert plant.step(np.zeros(3)).time == plant.sample_time
-
-
-def test_a_joint_that_is_named_twice_is_refused():
-    with pytest.raises(InputError, match='turn, turn'):
-        MujocoPlant(ARM, ['turn', 'turn'], [drive(1), drive(2)])
-
-
 @pytest.mark.parametrize('number', [1, 2, 3])
 def test_a_joint_without_a_link_moves_as_with_our_own_engine(number, tmp_path):
     (tmp_path / 'wheel.xml').write_text(WHEEL, encoding='utf-8')
@@ -73,31 +61,6 @@ def test_a_joint_without_a_link_moves_as_with_our_own_engine(number, tmp_path):
     assert np.abs(own[:100, 0]).max() < 0.02 * np.ptp(other[:, 0])
 
 
-def test_an_arm_falls_where_friction_does_not_hold_it_and_one_joint_moves_the_other():
-    plant = arm()
-    for _ in range(400):
-        state = plant.step([0.0, 0.45, 0.0])
-    # The lift drives the arm up; the elbow, held by its friction at first, swings with it.
-    assert state.position[1] > 0.3
-    assert abs(state.position[2]) < 0.5
-    for _ in range(4000):
-        state = plant.step(np.zeros(3))
-    assert abs(state.position[1]) < 0.35
-    assert np.abs(state.velocity).max() < 0.1
-
-
-def test_a_person_carries_the_weight_that_the_motors_do_not():
-    firm = {'stiffness': 60.0, 'damping': 6.0, 'response_time': 0.04}
-    plant = MujocoPlant(ARM, ['turn', 'lift', 'bend'], [drive(n, human=firm) for n in (1, 2, 1)], 5)
-    for k in range(6000):
-        shown = np.array([0.0, min(k / 4000.0, 1.0), 0.0])
-        state = plant.step(np.zeros(3), shown, np.where(k < 4000, [0.0, 0.25, 0.0], 0.0))
-    weight = plant.data.qfrc_bias[1]
-    assert weight > 3.0
-    # The person need not hold what friction holds.
-    assert abs(state.interaction_torque[1] - weight) < 2.2
-
-
 def test_the_same_seed_gives_the_same_numbers():
     one, other = arm(seed=4), arm(seed=4)
     for k in range(300):
@@ -117,12 +80,6 @@ def test_wrong_input_is_named(make, words, tmp_path):
     (tmp_path / 'bad.xml').write_text('<mujoco><nonsense/></mujoco>', encoding='utf-8')
     with pytest.raises(InputError, match=words):
         make(tmp_path)
-
-
-def test_without_mujoco_it_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, 'mujoco', None)
-    with pytest.raises(InputError, match='pip install mujoco'):
-        arm()
 
 
 @pytest.mark.slow

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The package under pip, colcon and `ros2 run`, and the rules for its files."""
+"""The package under pip, colcon and `ros2 run`: what it offers, how fast, and its files' rules."""
 
 import ast
 import functools
@@ -13,20 +13,20 @@ import sys
 from types import ModuleType
 from xml.etree import ElementTree
 
-from helpers import ROOT
+from helpers import printed_by, ROOT
 import pytest
-import yaml
 
 import friction_comp
 from friction_comp import __main__ as entry
 from friction_comp.errors import InputError
-from friction_comp.package_files import add_environment_to_ament_path, package_file
 from friction_comp.ros.parameters import check_arguments
 
 NAMES = {**entry.NODES, **entry.TOOLS}
 MODULES = sorted((ROOT / 'friction_comp').rglob('*.py'))
 LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 INTERFACES = 'friction_comp_interfaces'
+# What takes long to import.
+SLOW = ('numba', 'scipy', 'matplotlib', 'rosbags', 'rclpy', 'rich')
 # What rosdep calls the packages from which other modules come.
 ROSDEP_KEYS = {
     'ament_index_python': 'ament_index_python',
@@ -84,17 +84,6 @@ def test_the_version_is_the_same_everywhere():
     assert setup.stdout.split()[-1] == friction_comp.__version__
 
 
-@pytest.mark.parametrize('folder', ['.', INTERFACES])
-def test_package_xml_is_valid(folder):
-    package = pytest.importorskip('catkin_pkg.package')
-    manifest = package.parse_package(str(ROOT / folder))
-    problems = []
-    manifest.validate(problems)
-    assert not problems
-    assert manifest.package_format == 3
-    assert manifest.licenses == ['Apache-2.0']
-
-
 def test_package_xml_names_what_the_modules_import():
     manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
     declared = {e.text for e in manifest if e.tag in ('depend', 'exec_depend')}
@@ -135,12 +124,6 @@ def test_without_a_known_name_the_usage_is_shown(capsys):
     assert all(name in shown.err for name in NAMES)
 
 
-def test_help_and_version(capsys):
-    assert entry.main(['--help']) == 0
-    assert entry.main(['--version']) == 0
-    assert capsys.readouterr().out.split()[-1] == friction_comp.__version__
-
-
 @pytest.mark.parametrize(('ending', 'code', 'said'), [
     (lambda argv: None, 0, ''),
     (lambda argv: len(argv), 1, ''),
@@ -162,21 +145,6 @@ def test_exit_codes_of_tools(monkeypatch, capsys, ending, code, said):
     assert capsys.readouterr().err == 2 * said
 
 
-def test_an_environment_with_ros_wheels_names_itself(monkeypatch, tmp_path):
-    (tmp_path / 'share' / 'ament_index').mkdir(parents=True)
-    monkeypatch.setattr(sys, 'prefix', str(tmp_path))
-    monkeypatch.setenv('AMENT_PREFIX_PATH', 'workspace')
-    for _ in range(2):
-        add_environment_to_ament_path()
-        assert os.environ['AMENT_PREFIX_PATH'].split(os.pathsep) == ['workspace', str(tmp_path)]
-
-
-def test_share_path_finds_what_comes_with_the_package():
-    assert package_file('package.xml').is_file()
-    with pytest.raises(InputError, match=r'no file config/nonsense\.yaml'):
-        package_file('config', 'nonsense.yaml')
-
-
 @pytest.mark.parametrize(('argument', 'words'), [
     ('breakaway_gain:=0.3', 'is a parameter of a node'), ('laws:=none', "is it 'law'"),
     ('law:=none', ''), ('sigterm_timeout:=60', '')])
@@ -191,41 +159,6 @@ def test_what_a_launch_file_would_pass_over_is_refused(monkeypatch, argument, wo
     # Of a file that includes ours.
     monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'their.launch.py', argument])
     check_arguments('/launch/our.launch.py', given, declared)
-
-
-@pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
-def test_launch_files_start_executables_that_exist(path):
-    tree = ast.parse(path.read_text(encoding='utf-8'))
-    assert 'generate_launch_description' in {n.name for n in tree.body if hasattr(n, 'name')}
-    started = {
-        keyword.value.value for node in ast.walk(tree) if isinstance(node, ast.Call)
-        for keyword in node.keywords
-        if keyword.arg == 'executable' and isinstance(keyword.value, ast.Constant)}
-    assert started
-    assert started <= set(entry.NODES)
-
-
-def test_the_interfaces_of_a_sourced_workspace_are_used(build_tools, monkeypatch, tmp_path):
-    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
-    assert not build_tools.provided_elsewhere()
-    index = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages'
-    index.mkdir(parents=True)
-    (index / INTERFACES).touch()
-    assert build_tools.provided_elsewhere()
-    # Those that an earlier build of this very package left are not a workspace's own.
-    marker = tmp_path / build_tools.MARKER
-    marker.parent.mkdir(parents=True)
-    marker.touch()
-    assert not build_tools.provided_elsewhere()
-
-
-def test_nothing_of_ros_is_fetched_where_it_is_sourced(build_tools, monkeypatch):
-    monkeypatch.delenv('ROS_DISTRO', raising=False)
-    apart = build_tools.fingerprint()
-    assert any(name.startswith('ros-jazzy-') for name in build_tools.requirements())
-    monkeypatch.setenv('ROS_DISTRO', 'jazzy')
-    assert build_tools.requirements() == []
-    assert build_tools.fingerprint() != apart
 
 
 @pytest.mark.parametrize(('system', 'machine', 'compiler', 'reason'), [
@@ -273,37 +206,6 @@ def workspace(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize('way', ['plain', 'link', 'second path'])
-def test_another_package_of_the_workspace_can_have_the_action(tmp_path, way):
-    """colcon then builds the action first, and so friction_comp finds that it is there."""
-    colcon = shutil.which('colcon', path=environment()['PATH'])
-    if colcon is None:
-        pytest.skip('colcon is not installed (requirements/test.txt)')
-    ours, other = tmp_path / 'src' / 'friction_comp', tmp_path / 'src' / 'a_first_package'
-    shutil.copytree(ROOT / INTERFACES, ours / INTERFACES)
-    for name in ('package.xml', 'colcon.pkg', 'setup.py', 'setup.cfg'):
-        shutil.copy(ROOT / name, ours)
-    other.mkdir()
-    (other / 'package.xml').write_text(
-        '<package format="3"><name>a_first_package</name><version>0.0.1</version>'
-        '<description>x</description><maintainer email="a@example.com">a</maintainer>'
-        f'<license>Apache-2.0</license><depend>{INTERFACES}</depend></package>')
-    paths = ['src']
-    if way == 'link':
-        (tmp_path / 'src' / INTERFACES).symlink_to(ours / INTERFACES)
-    elif way == 'second path':
-        paths.append(str(ours / INTERFACES))
-    listed = subprocess.run(
-        [colcon, 'list', '--topological-order', '--names-only', '--base-paths', *paths],
-        cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
-    names = listed.stdout.split()
-    if way == 'plain':
-        assert sorted(names) == ['a_first_package', 'friction_comp']
-    else:
-        assert names[0] == INTERFACES
-        assert len(names) == 3
-
-
 def environment():
     """The environment of these tests, without what would let the source tree be found."""
     kept = {key: value for key, value in os.environ.items() if key != 'PYTHONPATH'}
@@ -324,44 +226,73 @@ def sourced(workspace, command):
 
 
 @pytest.mark.slow
-def test_colcon_installs_every_executable(workspace):
-    folder = workspace / 'install' / 'friction_comp' / 'lib' / 'friction_comp'
+def test_colcon_installs_executables_files_and_the_action(workspace):
+    install = workspace / 'install' / 'friction_comp'
+    folder, share = install / 'lib' / 'friction_comp', install / 'share'
     assert {path.name for path in folder.iterdir()} == set(NAMES)
-    assert all(os.access(path, os.X_OK) for path in folder.iterdir())
-    help_text = sourced(workspace, f'{folder / "predict"} --help')
-    assert '--model' in help_text
-    assert '--output' in help_text
-
-
-@pytest.mark.slow
-def test_colcon_installs_the_shared_files(workspace):
-    share = workspace / 'install' / 'friction_comp' / 'share'
-    index = share / 'ament_index' / 'resource_index'
+    assert '--model' in sourced(workspace, f'{folder / "predict"} --help')
     for name in ('friction_comp', INTERFACES):
-        assert (index / 'packages' / name).is_file()
-        assert (share / name / 'package.xml').is_file()
-    assert (index / 'rosidl_interfaces' / INTERFACES).is_file()
-    for folder, ending in (('launch', '.launch.py'), ('config', '.yaml'), ('msg_docs', '.md')):
-        here = {path.name for path in (ROOT / folder).glob('*' + ending)}
-        assert here
-        there = {path.name for path in (share / 'friction_comp' / folder).iterdir()}
-        assert here <= there
-
-
-@pytest.mark.slow
-def test_the_action_comes_from_the_install_space(workspace):
+        assert (share / 'ament_index' / 'resource_index' / 'packages' / name).is_file()
+    for kind, ending in (('launch', '.launch.py'), ('config', '.yaml'), ('msg_docs', '.md')):
+        here = {path.name for path in (ROOT / kind).glob('*' + ending)}
+        assert here <= {path.name for path in (share / 'friction_comp' / kind).iterdir()}
     files = sourced(
-        workspace,
-        f'{sys.executable} -c "import friction_comp, {INTERFACES}.action as i;'
+        workspace, f'{sys.executable} -c "import friction_comp, {INTERFACES}.action as i;'
         ' g = i.IdentifyFriction.Goal(speeds=[0.5]); assert g.speeds[0] == 0.5;'
         f' import {INTERFACES}; print(friction_comp.__file__); print({INTERFACES}.__file__)"')
-    install = workspace / 'install' / 'friction_comp'
-    assert len(files.split()) == 2
     assert all(install in Path(name).parents for name in files.split())
 
 
-def test_the_same_ruff_runs_before_a_commit_and_in_make_lint():
-    hooks = yaml.safe_load((ROOT / '.pre-commit-config.yaml').read_text(encoding='utf-8'))
-    ruff = next(repo for repo in hooks['repos'] if 'ruff' in repo['repo'])
-    requirements = (ROOT / 'requirements' / 'test.txt').read_text(encoding='utf-8')
-    assert f"ruff=={ruff['rev'].removeprefix('v')}" in requirements.splitlines()
+def test_every_public_name_is_what_it_says():
+    for name in friction_comp.__all__:
+        assert getattr(friction_comp, name).__name__ == name
+        assert name in dir(friction_comp)
+    with pytest.raises(AttributeError, match='nonsense'):
+        _ = friction_comp.nonsense
+    with pytest.raises(ImportError):
+        exec('from friction_comp import nonsense')
+
+
+def test_import_of_the_package_loads_nothing_slow():
+    """Nor NumPy: the command line sets the number of its threads first."""
+    loaded = printed_by('import sys, friction_comp.__main__; print(*sys.modules)').split()
+    assert not {'numpy', *SLOW} & set(loaded)
+
+
+def test_help_and_mistakes_are_answered_before_anything_slow_is_loaded():
+    code = f"""
+import contextlib, io, sys
+from friction_comp.__main__ import main
+for name in {[*NAMES]}:
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown), contextlib.suppress(SystemExit):
+        main([name, '--help'])
+    assert shown.getvalue().startswith('usage: python3 -m friction_comp ' + name), name
+    assert '``' not in shown.getvalue(), name
+for name in {[*entry.TOOLS]}:
+    with contextlib.redirect_stderr(shown), contextlib.suppress(SystemExit):
+        main([name, '--no-such-argument'])
+print(*sys.modules)
+"""
+    assert not set(SLOW) & set(printed_by(code).split())
+
+
+@pytest.mark.slow
+def test_imports_compile_nothing_and_leave_the_look_of_figures_to_other_programs(tmp_path):
+    rooms = [path for path in (ROOT / 'friction_comp').rglob('*.py')
+             if path.stem != '__main__' and 'nodes' not in path.parts]
+    names = ['.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__')
+             for path in rooms]
+    code = f"""
+import importlib
+import matplotlib
+from numba.core import event
+before = dict(matplotlib.rcParams)
+with event.install_recorder('numba:compile') as recorder:
+    for name in {names}:
+        importlib.import_module(name)
+from friction_comp.reports.figures import panels, to_svg
+to_svg(panels([''])[0])
+print(len(recorder.buffer), matplotlib.rcParams == before)
+"""
+    assert printed_by(code, NUMBA_CACHE_DIR=str(tmp_path)) == '0 True\n'

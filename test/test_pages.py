@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from friction_comp.__main__ import run
-from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.number_text import number, quantity
 from friction_comp.recordings import read_recording
@@ -118,17 +117,6 @@ def test_page_says_what_figures_show_and_escapes_text():
     assert '@media print' in text
 
 
-def test_many_dots_are_drawn_as_pixels():
-    figure, (axes,) = panels([''])
-    random = np.random.default_rng(0)
-    curve(axes, random.normal(size=30_000), random.normal(size=30_000), 'measured', style='.')
-    report = Report('Large')
-    report.figure(figure, 'Noise.')
-    text = report.html()
-    assert 'data:image/png;base64,' in text
-    assert len(text) < 700_000
-
-
 def test_tables_align_numbers():
     report = Report('Table')
     report.table(['what', 'torque', 'count'], [
@@ -150,14 +138,6 @@ def test_tables_align_numbers():
 ])
 def test_numbers_are_short(value, text):
     assert number(value) == text
-
-
-def test_saving_reports(tmp_path):
-    page_with_everything().save(tmp_path / 'new' / 'page.html')
-    assert (tmp_path / 'new' / 'page.html').read_text(encoding='utf-8').startswith('<!DOCTYPE')
-    (tmp_path / 'file').write_text('')
-    with pytest.raises(InputError, match='cannot be written'):
-        Report('x').save(tmp_path / 'file' / 'page.html')
 
 
 @pytest.mark.parametrize('noise', [0.0, 1.0])

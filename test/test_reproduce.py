@@ -4,12 +4,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 import json
-import os
 from pathlib import Path
-import signal
-import subprocess
-import sys
-import time
 
 from helpers import undocumented
 import pytest
@@ -61,31 +56,3 @@ def test_whole_tool(tmp_path, monkeypatch):
                 value, rel=0.05, abs=max(0.02, 0.01 * peaks['none'])), name
         for name, value in quoted['peak_reduction'].items():
             assert reductions[name] == pytest.approx(value, abs=0.03), name
-
-
-@pytest.mark.slow
-def test_a_killed_tool_leaves_no_process(tmp_path):
-    """The tool alone is killed, while a process of its own measures a look-up table."""
-    tool = subprocess.Popen(
-        [sys.executable, '-m', 'friction_comp', 'reproduce', '--output', str(tmp_path / 'out')],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
-    try:
-        end = time.monotonic() + 120.0
-        while not _running(tool.pid, 'spawn_main'):
-            assert time.monotonic() < end
-            assert tool.poll() is None
-            time.sleep(0.05)
-        tool.kill()
-        tool.wait()
-        while left := _running(tool.pid, ''):
-            assert time.monotonic() < end, left
-            time.sleep(0.05)
-    finally:
-        if _running(tool.pid, ''):
-            os.killpg(tool.pid, signal.SIGKILL)
-
-
-def _running(session, words):
-    """Return the processes of a session whose command has some words in it."""
-    return subprocess.run(['pgrep', '-a', '-f', '-s', str(session), words or '.'], text=True,
-                          stdout=subprocess.PIPE, check=False).stdout

@@ -10,7 +10,7 @@ import pytest
 
 from friction_comp.errors import InputError
 from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.undeclared import Undeclared, undeclared_torque, warmed_up
+from friction_comp.simulation.undeclared import Undeclared, undeclared_torque
 from friction_comp.statistics import rms
 from simulated_recordings.drives import Excitation, random_drive, record, SimulatedDrive
 
@@ -79,13 +79,6 @@ def test_the_current_shows_the_effect_as_its_formula_says(name, servo):
     assert rms(current - expected) < (0.04 if servo else 0.02)
 
 
-@pytest.mark.parametrize('servo', [False, True], ids=['tracked', 'servo'])
-def test_nothing_undeclared_leaves_the_declared_friction(servo):
-    _, v, _, _, current = moved([], servo)
-    expected = np.sign(v) * (1.0 + 0.4 * np.abs(v))
-    assert rms(current - expected) < (0.03 if servo else 0.01)
-
-
 def test_temperature_scales_friction():
     effect = [{'name': 'temperature', 'parameters': {'coefficient': -0.02, 'reference': 20.0}}]
     # It starts up to 30 K above ambient.
@@ -99,13 +92,6 @@ def test_temperature_scales_friction():
     assert share == pytest.approx(1.0 - 0.02 * (mean - 20.0), abs=0.03)
 
 
-def test_torque_constant_error_scales_all_current():
-    effect = [{'name': 'torque_constant', 'parameters': {'factor': 1.25}}]
-    *_, without = moved([], False)
-    *_, current = moved(effect, False)
-    np.testing.assert_allclose(current * 1.25, without, rtol=1e-12)
-
-
 def test_inertia_requires_torque_proportional_to_acceleration():
     fast = Excitation(duration=40.0, rate=1000.0, rests=False)
     drive = plain_drive([{'name': 'inertia', 'parameters': {'inertia': 0.2}}])
@@ -117,16 +103,6 @@ def test_inertia_requires_torque_proportional_to_acceleration():
     difference = (heavy.noise_free - light.noise_free)[inner]
     slope = np.polyfit(acceleration[inner], difference, 1)[0]
     assert slope == pytest.approx(0.2, rel=0.03)
-
-
-def test_actuation_lag_delays_the_torque():
-    def speed_after(lag):
-        extra = Undeclared.from_effects([{'name': 'actuation_lag', 'parameters': {'lag': lag}}])
-        plant = Plant([plain_drive([]).model], undeclared=[extra])
-        return next(k for k in range(1000) if plant.step([1.5]).position[0] > 2e-3)
-
-    # A first-order lag reaches two thirds of the current, here breakaway, after one constant.
-    assert 0.8 * 30 < speed_after(0.03) - speed_after(0.0) < 1.6 * 30
 
 
 def test_stiction_grows_with_rest_and_is_lost_by_sliding():
@@ -155,28 +131,6 @@ def test_stiction_grows_with_rest_and_is_lost_by_sliding():
     np.testing.assert_allclose(levels, [1.0, math.exp(-1), math.exp(-2)], rtol=1e-4)
 
 
-def test_hysteresis_depends_on_the_path_and_not_on_speed_or_sampling():
-    effect = {'name': 'hysteresis', 'parameters': {'torque': 0.5, 'stiffness': 20.0}}
-
-    def torques(points):
-        table, memory = _table([effect])
-        there = np.linspace(0.0, 0.2, points)
-        path = np.concatenate((there, there[::-1]))
-        found = [-undeclared_torque(table, memory, 0.0, x, 1.0, 0.0, 25.0, 0.0, 1.0)[0]
-                 for x in path]
-        return found[points - 1], found[-1]
-
-    coarse, fine = torques(11), torques(1001)
-    np.testing.assert_allclose(coarse, fine, rtol=1e-9)
-    assert fine[0] == pytest.approx(0.5, abs=1e-3)
-    assert fine[1] == pytest.approx(-0.5, abs=1e-3)
-    # It starts as a spring: 20 N·m/rad over the first 0.1 mrad.
-    table, memory = _table([effect])
-    undeclared_torque(table, memory, 0.0, 0.0, 0.0, 0.0, 25.0, 0.0, 1.0)
-    first = undeclared_torque(table, memory, 0.0, 1e-4, 1.0, 0.0, 25.0, 0.0, 1.0)[0]
-    assert -first == pytest.approx(20.0 * 1e-4, rel=0.01)
-
-
 def test_friction_behind_a_backlash_is_absent_across_the_gap_after_a_reversal():
     effect = {'name': 'backlash', 'parameters': {'torque': 0.5, 'gap': 0.02, 'stiffness': 100.0}}
     table, memory = _table([effect])
@@ -189,13 +143,6 @@ def test_friction_behind_a_backlash_is_absent_across_the_gap_after_a_reversal():
     # Back: released over 5 mrad, nothing over 20, taken up over 5 again.
     assert [torque(x) for x in (0.2975, 0.295, 0.275, 0.2725, 0.27, 0.1)] == pytest.approx(
         [0.25, 0.0, 0.0, -0.25, -0.5, -0.5])
-
-
-def test_the_motor_approaches_the_temperature_set_by_its_current():
-    thermal = np.array([20.0, 25.0, 60.0, 100.0])
-    assert warmed_up(25.0, 0.5, 1e6, thermal) == pytest.approx(20.0 + 60.0 * 0.25)
-    halves = warmed_up(warmed_up(25.0, 0.5, 50.0, thermal), 0.5, 50.0, thermal)
-    assert halves == pytest.approx(warmed_up(25.0, 0.5, 100.0, thermal), rel=1e-12)
 
 
 def test_friction_never_turns_into_drive():
@@ -234,11 +181,6 @@ def test_a_file_that_cannot_be_used_says_why(tmp_path, text, reason):
     assert str(error.value).startswith(str(path))
     assert reason in str(error.value)
     assert '\n' not in str(error.value)
-
-
-def test_a_missing_file_says_so(tmp_path):
-    with pytest.raises(InputError, match='No such file'):
-        Undeclared.from_file(tmp_path / 'nowhere.yaml')
 
 
 def _table(effects):
