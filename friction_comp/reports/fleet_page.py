@@ -32,14 +32,12 @@ _MOST_INTERVALS = 60
 
 def verdict(content: dict[str, Any]) -> str:
     """Return the result of all recordings as sentences; `content` is that of report.json."""
-    rows, failed, missing = content['recordings'], content['failed'], content['not_done']
+    rows, failed = content['recordings'], content['failed']
     kinds = Counter(row['verdict'] for row in rows)
     counts = ', '.join(f'{name}: {kinds[name]}' for name in _VERDICTS if kinds[name])
-    text = f'**{len(rows)} of {len(rows) + len(failed) + missing} refined** ({counts or "none"}).'
+    text = f'**{len(rows)} of {len(rows) + len(failed)} refined** ({counts}).'
     if failed:
         text += f' **{len(failed)} could not be used**; the reasons are below.'
-    if missing:
-        text += f' **Interrupted: {missing} were not done.**'
     return text
 
 

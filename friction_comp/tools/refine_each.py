@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,7 +18,6 @@ from friction_comp.errors import InputError
 from friction_comp.files import encodable, output_folder, to_yaml
 from friction_comp.fleet.common_model import CommonModel
 from friction_comp.fleet.population import FEWEST_UNITS, fleet_json, Population, population_of
-from friction_comp.interrupts import interrupts_deferred
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import number
 from friction_comp.parallel import attempt, Failure, run_each, Runner
@@ -59,74 +58,56 @@ class _Item:
 
 @dataclass(frozen=True)
 class _Refined:
-    """What came of an item."""
+    """What came of an item: its row of the page on all, and its model."""
 
     item: _Item
-    row: dict[str, Any]  # of the page on all
+    row: dict[str, Any]
     model: FrictionModel
 
-    @property
-    def group(self) -> tuple[str, str]:
-        """Joint, and unit of the figures."""
-        return self.row['joint'], self.row['unit']
-
-
-@dataclass(frozen=True)
-class _Summed:
-    one: _Refined
-    common: CommonModel
-
     def __str__(self) -> str:
-        return str(self.one.item)
+        return str(self.item)
 
 
 def refine_each(arguments: Namespace) -> int:
     """Refine each joint of each recording; write a folder for each, and one page on all.
 
-    Each folder is written as soon as its joint is refined, whole or not at all. Returns 0, or 130
-    if interrupted.
+    Each folder is written as soon as its joint is refined, whole or not at all. Returns 0.
     """
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
     from friction_comp.reports.fleet_page import each_page, fleet_verdict, verdict
+    from friction_comp.reports.refinement_page import effect_names
 
-    begin, interrupted = time.monotonic(), False
-    done: list[_Refined] = []
-    populations: list[Population] = []
+    begin = time.monotonic()
     with progress('reading') as show:
         pieces, failures = pieces_of(arguments.recordings, arguments.joint, layout_of(arguments))
-        failed = list(failures)
-        try:
-            with _runner(arguments, len(pieces)) as run:
-                _refine(arguments, _items(pieces), run, show, done, failed)
-                populations = _fleet_of(
-                    arguments, done, run,
-                    lambda number, count: show(_REFINING + (1.0 - _REFINING) * number / count,
-                                               f'comparing: {number} of {count}'))
-        except KeyboardInterrupt:
-            interrupted = True
-        if not done and not interrupted:
-            raise InputError(failed[0])
-        done.sort(key=lambda one: one.row['folder'])
+        with _runner(arguments, len(pieces)) as run:
+            done, failed = _refine(arguments, _items(pieces), run, show)
+            failed += failures
+            if not done:
+                raise InputError(failed[0])
+            populations = _fleet_of(
+                arguments, done, run,
+                lambda number, count: show(_REFINING + (1.0 - _REFINING) * number / count,
+                                           f'comparing: {number} of {count}'))
         content: dict[str, Any] = {
             'recordings': [one.row for one in done], 'failed': sorted(failed),
-            'not_done': len(pieces) + len(failures) - len(done) - len(failed),
             'out': {population.joint: population.out for population in populations},
             'seconds': time.monotonic() - begin}
-        if done:
-            write_results(arguments, content, each_page(content, populations),
-                          files=_files_of(populations))
+        names = folder_names(one.file_name for one in populations)
+        files = {f'{name}.yaml': to_yaml(one.model.to_dict())
+                 for name, one in zip(names, populations)}
+        if populations:
+            files['fleet.json'] = fleet_json(populations)
+        write_results(arguments, content, each_page(content, populations), files=files)
     lines = [verdict(content), *map(fleet_verdict, populations)]
     if len(done) <= MOST_PAGES:
-        lines += [
-            f"{row['folder']}: {number(row['before'])} → {number(row['after'])} {row['unit']}, "
-            f"{row['verdict']}; found: "
-            + (', '.join(effect['name'] for effect in row['effects']) or 'nothing')
-            for row in content['recordings']]
+        lines += [f"{row['folder']}: {number(row['before'])} → {number(row['after'])} "
+                  f"{row['unit']}, {row['verdict']}; found: "
+                  + effect_names(effect['name'] for effect in row['effects'])
+                  for row in content['recordings']]
     lines += [f'left out: {reason}' for reason in content['failed']]
-    print_results(arguments, content, (line.replace('**', '') for line in lines),
-                  'report.html' if done else '')
-    return 130 if interrupted else 0
+    return print_results(arguments, content, (line.replace('**', '') for line in lines))
 
 
 @contextmanager
@@ -155,15 +136,16 @@ def _items(pieces: Sequence[Piece]) -> list[_Item]:
             for piece, place, folder in zip(pieces, places, folders)]
 
 
-def _refine(arguments: Namespace, items: Sequence[_Item], run: Runner, show: Callable[..., None],
-            done: list[_Refined], failed: list[str]) -> None:
-    """Refine items; add each to `done` as soon as its folder is written, or its fault."""
+def _refine(arguments: Namespace, items: Sequence[_Item], run: Runner, show: Callable[..., None]
+            ) -> tuple[list[_Refined], list[str]]:
+    """Refine items and write their folders; return what came of them, by folder, and faults."""
     # The names of all recordings need not go to each process with each recording.
     own = Namespace(**{**vars(arguments), 'recordings': []})
     work: Callable[[_Item], Any] = partial(_refine_one, own, len(items) <= MOST_PAGES)
     if len(items) > 1:
         # One that cannot be used must not lose the others, even if it is the last to be done.
         work = partial(attempt, work)
+    done, failed = [], []
     with closing(run(work, items)) as outcomes:
         for count, (index, outcome) in enumerate(outcomes, 1):
             item = items[index]
@@ -171,15 +153,14 @@ def _refine(arguments: Namespace, items: Sequence[_Item], run: Runner, show: Cal
                 failed.append(outcome.reason)
             else:
                 row, model, files = outcome
-                # A folder that is written must also be in the page on all.
-                with interrupts_deferred():
-                    with output_folder(arguments.output / item.folder) as folder:
-                        for name, text in files.items():
-                            (folder / name).write_text(encodable(text), encoding='utf-8')
-                    done.append(_Refined(item, {'recording': str(item.piece.path),
-                                                'folder': item.folder, **row},
-                                         FrictionModel.from_dict(model)))
+                with output_folder(arguments.output / item.folder) as folder:
+                    for name, text in files.items():
+                        (folder / name).write_text(encodable(text), encoding='utf-8')
+                done.append(_Refined(item, {'recording': str(item.piece.path),
+                                            'folder': item.folder, **row},
+                                     FrictionModel.from_dict(model)))
             show(_REFINING * count / len(items), f'{count} of {len(items)}: {item}')
+    return sorted(done, key=lambda one: one.item.folder), failed
 
 
 def _refine_one(arguments: Namespace, with_page: bool, item: _Item
@@ -216,42 +197,34 @@ def _fleet_of(arguments: Namespace, refined: Sequence[_Refined], run: Runner,
     """
     groups: dict[tuple[str, str], list[_Refined]] = defaultdict(list)
     for one in refined:
-        groups[one.group].append(one)
-    groups = {key: group for key, group in groups.items()
-              if len({one.item.robot for one in group}) >= FEWEST_UNITS}
-    items = [_Summed(one, common) for group in groups.values()
-             for common in [CommonModel.of([one.model for one in group])] for one in group]
-    sums: dict[int, BlockSums] = {}
-    work = partial(attempt, partial(_sums_of_one, given_of(arguments)))
-    with closing(run(work, items)) as outcomes:
-        for done, (index, outcome) in enumerate(outcomes, 1):
-            if not isinstance(outcome, Failure):
-                sums[index] = outcome
-            show(done, len(items))
+        groups[one.row['joint'], one.row['unit']].append(one)
     populations = []
-    for key, group in groups.items():
-        own = [index for index in sorted(sums) if items[index].one.group == key]
-        if len({items[index].one.item.robot for index in own}) >= FEWEST_UNITS:
-            populations.append(population_of(
-                [(items[index].one.item.robot, sums[index]) for index in own], items[own[0]].common,
-                group[0].model, key[1], len(groups)))
-            populations[-1] = replace(populations[-1], joint=key[0])
+    enough = [group for group in groups.values() if _units(group) >= FEWEST_UNITS]
+    for count, group in enumerate(enough):
+        common, sums = CommonModel.of([one.model for one in group]), {}
+        work = partial(attempt, partial(_sums_of_one, given_of(arguments), common))
+        with closing(run(work, group)) as outcomes:
+            for done, (index, outcome) in enumerate(outcomes, 1):
+                if not isinstance(outcome, Failure):
+                    sums[index] = outcome
+                show(count * len(group) + done, len(enough) * len(group))
+        if _units(group[index] for index in sums) >= FEWEST_UNITS:
+            row = group[0].row
+            populations.append(replace(population_of(
+                [(group[index].item.robot, sums[index]) for index in sorted(sums)], common,
+                group[0].model, row['unit'], len(enough)), joint=row['joint']))
     return populations
 
 
-def _sums_of_one(given: Given, item: _Summed) -> BlockSums:
-    piece, model = item.one.item.piece, item.one.model
+def _units(refined: Iterable[_Refined]) -> int:
+    return len({one.item.robot for one in refined})
+
+
+def _sums_of_one(given: Given, common: CommonModel, one: _Refined) -> BlockSums:
+    piece, model = one.item.piece, one.model
     recordings = read_condensed([piece.path], piece.joint, model.drive.torque_per_current,
                                 layout=given.layout)
     usable, = showing_friction({piece.joint or '': recordings}).values()
     declared = bool(given.model or given.torque_constant or given.gear_ratio
                     or model.notes.get('unit') == 'N·m')
-    return item.common.sums([samples for samples, _ in usable], model, declared)
-
-
-def _files_of(populations: Sequence[Population]) -> dict[str, str]:
-    if not populations:
-        return {}
-    names = folder_names(one.file_name for one in populations)
-    return {'fleet.json': fleet_json(populations), **{
-        f'{name}.yaml': to_yaml(one.model.to_dict()) for name, one in zip(names, populations)}}
+    return common.sums([samples for samples, _ in usable], model, declared)
