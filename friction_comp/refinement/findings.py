@@ -145,7 +145,7 @@ _FINDINGS = {
         'difference.', ''),
     'no_presliding': (
         TRUST, '{what} not known, which a law needs at starts and turns: {why}. Ten slow reversals '
-        '(a sine of 0.1 Hz) at 250 Hz or more show it.', ''),
+        '(a sine of 0.1 Hz) at 500 Hz or more show it.', ''),
     'breakaway_taken_along': (
         TRUST, 'Breakaway friction was not measured here: it is that of the given model, times '
         '{factor:.3g} as friction in sliding. Identification measures it.', ''),

@@ -33,7 +33,7 @@ _LIKE_RECORDED = ' this model for motions like the recorded one.'
 # What cannot be judged, by the finding that says so; `standstill` never can.
 _NOT_JUDGED = {'no_presliding': 'starts and turns', 'no_load': 'load',
                'no_temperature': 'temperature'}
-_SLOW_REVERSALS = '10 slow reversals (a sine of 0.1 Hz) at 250 Hz or more'
+_SLOW_REVERSALS = '10 slow reversals (a sine of 0.1 Hz) at 500 Hz or more'
 # The first number of a sentence with its unit, and the rest.
 _SIZE = re.compile(r'(?:([+−-]?\d[\d.e+−-]* [^\s,;]+)[,;]? ?)?(.*)', re.DOTALL)
 # Signals over which errors are drawn, with their labels.
