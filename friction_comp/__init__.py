@@ -2,12 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identification and compensation of friction in geared robot drives.
 
-A drive's current is modelled as a sum of effects, for prediction, explanation and compensation.
+A drive's current is a sum of effects, and the same sum predicts, explains and compensates. Four
+principles keep the package small:
+
+1. Nothing is inferred that can be declared: what a short table of names and units does not say is
+   declared with ``--columns`` and ``--unit``, and the message that asks is the command to copy.
+2. A question is asked once: each check of a signal is one function with one limit, in `facts`.
+3. The robot never imports the laboratory: what moves a motor imports no search, pages,
+   `scipy.stats` or Matplotlib.
+4. No rule for one file: a rule stays if figures get worse without it on at least two sets that it
+   was not made for.
+
 Public names are imported when they are first used::
 
     from friction_comp import FrictionModel, read_recording, refine
 
-docs/architecture.md describes the subpackages.
+docs/architecture.md describes the rooms, as the subpackages are called.
 """
 
 from __future__ import annotations
