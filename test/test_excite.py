@@ -211,8 +211,8 @@ URDF = ('<robot name="r"><joint name="elbow" type="revolute"><limit lower="-1.2"
 
 @pytest.mark.parametrize(('option', 'text', 'given', 'effort'), [
     ('limits', LIMITS, {'velocity': 0.5, 'acceleration': 1.0}, math.inf),
-    ('urdf', URDF, {'velocity': 0.5, 'acceleration': 1.0, 'effort': 4.0}, 4.0),
-    ('urdf', URDF, {'velocity': 5.0, 'acceleration': 3.0, 'effort': 40.0}, 9.0)])
+    ('urdf', URDF, {'velocity': 0.5, 'acceleration': 1.0}, 9.0),
+    ('urdf', URDF, {'velocity': 5.0, 'acceleration': 3.0}, 9.0)])
 def test_what_was_asked_for_lowers_the_limits_of_a_file(tmp_path, option, text, given, effort):
     path = tmp_path / 'file'
     path.write_text(text, encoding='utf-8')

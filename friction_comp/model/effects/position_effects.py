@@ -169,13 +169,13 @@ class Bump(Effect):
     coefficient_names = (('height', 'A'),)
     variable = 'position'
     max_count = 3
-    # Within the range, and narrower; with a larger exponent it would be a step up and down.
+    # Within the range, and narrower; a larger exponent is a step, which no motor is given.
     constants = {
         'position': SearchRange(0.5, unit=lambda _, constants: constants['width'],
                                 limits=lambda coverage, _: (coverage.lowest, coverage.highest)),
         'width': SearchRange(1.5, limits=lambda coverage, _: (
             max(0.002 * coverage.span, coverage.resolution), 0.2 * coverage.span)),
-        'exponent': SearchRange(2.2, limits=lambda *_: (-math.inf, 40.0)),
+        'exponent': SearchRange(2.2, limits=lambda *_: (1.0, 10.0)),
         'directional': None, 'transition': None}
 
     def __init__(self, parameters: dict[str, Any],
