@@ -172,7 +172,7 @@ def test_the_verdict_is_no_surer_than_the_comparison():
     assert 'may be chance, or have come with time' in verdict(tired)
     apart = judged(session([0] * 8, random) + session([1] * 8, random, help=0.4, day=1))
     assert 'recorded on different days' in verdict(apart)
-    assert 'Whether this is so is not known' in verdict(apart)
+    assert 'That is not judged' in verdict(apart)
 
 
 def test_a_direction_that_no_law_hears_is_no_second_way_to_do_without():

@@ -74,7 +74,7 @@ def population(model):
 def test_three_odd_units_of_forty_are_found_and_no_other(population):
     assert population.out == {'unit_04': ['coulomb'], 'unit_17': [ERROR], 'unit_31': ['inertia']}
     page = each_page({'recordings': [], 'failed': []}, [population]).html()
-    for text in ('3 of 40 units are out', 'unit_17', 'error of the common model', 'fleet.json'):
+    for text in ('Look at 3 of 40 units', 'unit_17', 'error of the common model', 'fleet.json'):
         assert text in page
 
 

@@ -261,7 +261,7 @@ def _obstacle(pairs: int, repetitions: list[Repetition], columns: np.ndarray) ->
         return "movements of one took longer or went farther than the other's"
     if (min(is_second.sum(), (~is_second).sum()) < FEWEST
             or np.linalg.matrix_rank(columns) < columns.shape[1]):
-        return f'fewer than {FEWEST} repetitions of each do not tell it from chance'
+        return f'fewer than {FEWEST} repetitions of each may differ by chance'
     return ''
 
 

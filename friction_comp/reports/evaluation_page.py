@@ -19,7 +19,7 @@ from friction_comp.number_text import number
 from friction_comp.reports.figures import band, COLOURS, curve, INK, legend, panels, styled, zero
 from friction_comp.reports.html import Report, value, without_marks
 
-_MOST_COMPARISONS, _MOST_RECORDINGS = 24, 12
+_MOST_PAIRS, _MOST_RECORDINGS = 6, 12
 _SIGNS = {'positive': '+', 'negative': '−'}
 # Measures of a condition in the order of a table's columns, with short titles.
 _COLUMNS = {'peak_torque': 'peak (N·m)', 'rms_torque': 'RMS (N·m)', 'onset': 'delay (s)',
@@ -77,17 +77,20 @@ def verdict(evaluation: Evaluation) -> str:
     first, second = peaks.pair
     without, laws = 'without help', ('', '')
     if first.law != 'none':
-        without = 'when it does not'
+        without = 'else'
         # Laws and models only where they differ, too.
         if replace(first, announced=1) != second:
             plain, helped = (f' ({" · ".join(evaluation.names_of(one)[1:]) or "an unknown law"})'
                              for one in peaks.pair)
             laws = plain, helped
-    text = (f'When the robot knows the direction{laws[1]}, the person needs {after} to set the '
-            f'joint in motion, and {before} {without}{laws[0]}: {peaks.change}.')
     test = peaks.test
-    if test is not None and test.untested:
-        text += f' Whether this is so is not known: {test.untested}.'
+    untested = test is not None and test.untested
+    # Of what is not judged is said what was, not what is.
+    text = (f'When the robot {"knew" if untested else "knows"} the direction{laws[1]}, the person '
+            f'{"needed" if untested else "needs"} {after} to set the joint in motion, and {before} '
+            f'{without}{laws[0]}: {peaks.change}.')
+    if untested:
+        text += f' That is not judged: {untested}.'
     elif not peaks.are_told_apart:
         text += ' This may be chance, or have come with time; record more to be sure.'
     if test is not None and test.pairs and not test.in_turn:
@@ -230,7 +233,7 @@ def _add(page: Report, evaluation: Evaluation) -> None:
             if evaluation.measured else ''))
     names = _known_columns(evaluation)
     page.table(
-        ['condition', '', 'n', *(_COLUMNS[name] for name in names), 'false starts'],
+        ['condition', 'move', 'n', *(_COLUMNS[name] for name in names), 'false starts'],
         [[*row, str(one.false_starts)] for row, one in zip(
             condition_rows(evaluation, names), evaluation.conditions)],
         'Mean over the repetitions' + (' ± half its 95 % interval' if spread else '')
@@ -243,24 +246,28 @@ def _add(page: Report, evaluation: Evaluation) -> None:
 
 
 def _add_comparisons(page: Report, evaluation: Evaluation, peaks: Peaks | None) -> None:
-    shown = sorted(evaluation.comparisons, key=lambda c: (
-        list(FIGURES).index(c.figure), c.p_value is None, c.p_value or 0.0))[:_MOST_COMPARISONS]
-    rows = []
-    for c in shown:
-        means = peaks.texts() if peaks and c is peaks.test else [
-            '> ' * (c.figure == 'peak_torque' and evaluation.stuck(condition) > 0) + number(mean)
-            for mean, condition in ((c.mean_first, c.first), (c.mean_second, c.second))]
-        rows.append([
-            '{} ({})'.format(*FIGURES[c.figure]).removesuffix(' ()'), evaluation.label(c.first),
-            evaluation.label(c.second), *means, number(c.difference),
-            with_interval(c.without_drift) if c.without_drift.half is not None else '–',
-            '–' if c.p_value is None else
-            '< 0.001' if c.p_value < 0.001 else f'{c.p_value:.2g}'])
-    page.table(['measure', 'first', 'second', 'mean of first', 'mean of second', 'difference',
-                'without drift', 'p'], rows,
-               'Movements of the same day and direction. Without drift: the difference that is '
-               'left beside a steady change over the session, with its 95 % interval; p is of '
-               "Student's t, with Holm's correction for all comparisons of a measure.")
+    """Add a table for each pair of conditions."""
+    shown = sorted(evaluation.comparisons, key=lambda c: list(FIGURES).index(c.figure))
+    for first, second in list(dict.fromkeys((c.first, c.second) for c in shown))[:_MOST_PAIRS]:
+        own = [c for c in shown if (c.first, c.second) == (first, second)]
+        tested = any(c.p_value is not None for c in own)
+        rows = []
+        for c in own:
+            name, unit = FIGURES[c.figure]
+            means = peaks.texts() if peaks and c is peaks.test else [
+                '> ' * (c.figure == 'peak_torque' and evaluation.stuck(condition) > 0)
+                + f'{number(mean)} {unit}' for mean, condition in (
+                    (c.mean_first, first), (c.mean_second, second))]
+            rows.append([name, *means,
+                         f'{number(c.difference)} {unit}', *([
+                             with_interval(c.without_drift), '\u2013' if c.p_value is None else
+                             '< 0.001' if c.p_value < 0.001 else f'{c.p_value:.2g}'] * tested)])
+        page.table(['', evaluation.label(first), evaluation.label(second), 'difference',
+                    *['without drift', 'p'] * tested], rows,
+                   'Movements of the same day and direction.' + (
+                       ' Without drift: the difference that is left beside a steady change over '
+                       "the session, with its 95 % interval; p is of Student's t, with Holm's "
+                       'correction for all comparisons of a measure.') * tested)
     page.bullets(dict.fromkeys(f'Not tested: {c.untested}.' for c in shown if c.untested))
 
 
@@ -271,8 +278,7 @@ def _colours(evaluation: Evaluation) -> dict[Compensation, str]:
         first = ('no help' if condition.law == 'none' else
                  'known' if condition.uses_direction and condition.announced > 0 else
                  'out' if condition.announced < 0 else 'unknown')
-        free = [name for name in (first, 'other', 'refined', 'before', 'predicted')
-                if name not in colours.values()]
+        free = [name for name in (first, 'other', 'refined') if name not in colours.values()]
         colours[condition] = free[0] if free else 'faint'
     return colours
 

@@ -18,6 +18,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 import numpy as np
 
@@ -38,7 +39,7 @@ INK = '#1a2b3d'
 WIDTH = 6.6
 """Width of every figure, inches."""
 # Inches around the panels, and between two that share their axis of x, or not.
-_LEFT, _RIGHT, _TOP, _BOTTOM, _SHARED, _APART = 0.72, 0.12, 0.34, 0.5, 0.16, 0.72
+_LEFT, _RIGHT, _TOP, _BOTTOM, _SHARED, _APART = 0.8, 0.12, 0.34, 0.5, 0.16, 0.72
 _MOST_DOTS, _MOST_MARKERS = 6000, 1500
 
 _STYLE: dict[Any, Any] = {
@@ -115,7 +116,8 @@ def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = 'measured',
     if len(x) > _MOST_DOTS:
         chosen = np.sort(np.random.default_rng(0).choice(len(x), _MOST_DOTS, replace=False))
         x, y = x[chosen], y[chosen]
-    curve(axes, x, y, colour, label, '.', markersize=3.4, alpha=0.6, markeredgewidth=0, zorder=3)
+    # Below and wider than lines, so that one shows beside the other.
+    curve(axes, x, y, colour, label, '.', markersize=4.5, alpha=0.5, markeredgewidth=0, zorder=1.5)
 
 
 def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour: str,
@@ -134,8 +136,12 @@ def zero(axes: Axes) -> None:
 
 def legend(axes: Axes, columns: int = 3) -> None:
     """Put the legend above a panel, where it covers nothing."""
-    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2,
-                handlelength=1.6, columnspacing=1.2, handletextpad=0.5)
+    shown = axes.legend(
+        loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2,
+        handlelength=1.6, columnspacing=1.2, handletextpad=0.5)
+    for handle in shown.legend_handles:
+        if isinstance(handle, Line2D) and handle.get_marker() == '.':
+            handle.set(markersize=9.0, alpha=1.0)
 
 
 def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndarray, ...]:

@@ -21,8 +21,6 @@ from friction_comp.reports.figures import COLOURS, curve, legend, panels, styled
 from friction_comp.reports.html import Link, Report
 from friction_comp.reports.refinement_page import effect_names
 
-# Effects found in fewer than this share of a joint's recordings may be due to chance.
-_REPEATABLE = 0.5
 _VERDICTS = ('trust', 'trust in part', 'record again')
 # Ratio of the ends of its interval up to which a current per torque counts as determined.
 _LARGEST_RATIO = 3.0
@@ -45,28 +43,31 @@ def each_page(content: dict[str, Any], populations: Sequence[Population] = ()) -
     """Return the page of report.json; `populations` compare the units of a fleet by joint."""
     rows = content['recordings']
     joints = list(dict.fromkeys(row['joint'] for row in rows))
+    named = f'; joints: {", ".join(joints)}' * any(joints)
     page = Report('A fleet, unit by unit' if populations else 'Friction, recording by recording',
-                  f'{len(rows)} refined separately; joints: {", ".join(joints)}')
+                  f'{len(rows)} refined separately{named}')
     page.verdict('\n\n'.join([*map(fleet_verdict, populations), verdict(content)]))
     for population in populations:
         _add_fleet(page, population)
     page.heading('Recordings')
     for unit in dict.fromkeys(row['unit'] for row in rows):
-        same_unit = sorted((row for row in rows if row['unit'] == unit),
-                           key=lambda row: str(row['joint']))
-        page.figure(_errors_figure(same_unit, unit), 'Error on data not fitted: of the friction '
-                    'curve alone, or of the model given (open), of the refined model (filled), and '
-                    'noise (line); by joint and recording.')
-    page.table(
-        ['recording', 'joint', 'verdict', 'before', 'after', 'noise', 'found', 'unexplained'],
-        [[Link(row['folder'], f"{row['folder']}/report.html") if row['page'] else row['folder'],
-          row['joint'], row['verdict'],
-          *(quantity(row[name], row['unit']) for name in ('before', 'after', 'noise_floor')),
-          effect_names(effect['name'] for effect in row['effects']),
-          ', '.join(row['unexplained'])] for row in rows],
-        'RMS of measured minus predicted on parts that were not fitted.')
-    page.table(['joint', 'effect', 'depends on', 'found in', 'of', 'repeatable'],
-               _effect_rows(rows, joints),
+        own = sorted((row for row in rows if row['unit'] == unit),
+                     key=lambda row: str(row['joint']))
+        page.figure(_errors_figure(own, unit), 'Error on data not fitted: of the friction curve '
+                    'alone, or of the model given (open), of the refined model (filled), and noise '
+                    '(line); by joint and recording.')
+        page.table(
+            ['recording', *['joint'] * (len(joints) > 1), 'verdict', f'before ({unit})',
+             f'after ({unit})', 'found'],
+            [[Link(row['folder'], f"{row['folder']}/report.html") if row['page']
+              else row['folder'], *[row['joint']] * (len(joints) > 1), row['verdict'],
+              row['before'], row['after'],
+              effect_names(effect['name'] for effect in row['effects'])
+              + ''.join(f'; depends on {name}, too' for name in row['unexplained'])]
+             for row in own],
+            'RMS of measured minus predicted on parts that were not fitted.')
+    page.table([*['joint'] * (len(joints) > 1), 'effect', 'depends on', 'found in'],
+               [row[len(joints) < 2:] for row in _effect_rows(rows, joints)],
                'An effect that only some recordings show lacks a motion in the others, or is no '
                'property of the drive.')
     page.bullets(content['failed'], 'Not usable:')
@@ -79,8 +80,8 @@ def fleet_verdict(population: Population) -> str:
     joint = f' (joint {population.joint})' if population.joint else ''
     text = f'**None of {count} units is out**{joint}.'
     if out:
-        text = f'**{len(out)} of {count} units {"is" if len(out) == 1 else "are"} out**{joint}: ' \
-            + '; '.join(f'{unit}: {", ".join(names)}' for unit, names in out.items()) + '.'
+        text = f'**Look at {len(out)} of {count} units**{joint}: ' + '; '.join(
+            f'{unit} is out in {", ".join(names)}' for unit, names in out.items()) + '.'
     varying = sorted((one for one in population.parameters if one.varies and
                       one.scale == 'logarithmic'), key=lambda one: -one.spread)
     if varying:
@@ -96,25 +97,22 @@ def _add_fleet(page: Report, population: Population) -> None:
            for unit in parameter.units if unit.out]
     if out:
         page.table(
-            ['unit', 'parameter', 'value', '95 % interval', 'population', 'range of 95 % of units',
-             'unit of it', 'probability by chance'],
-            [[unit.unit, one.name, unit.value, interval_text(unit.interval), one.mean,
-              interval_text(one.range), one.unit, f'{unit.p:.1g}'] for one, unit in
+            ['unit', 'parameter', 'value', '95 % of units', 'by chance'],
+            [[unit.unit, one.name, f'{number(unit.value)} {one.unit}', interval_text(one.range),
+              f'{unit.p:.1g}'] for one, unit in
              sorted(out, key=lambda entry: (entry[1].unit, entry[1].p))],
-            'Units that are out, and by what. The probability is that of such a deviation of one '
-            'unit in one parameter.')
+            'Units that are out, and by what. By chance: the probability of such a deviation of '
+            'one unit in one parameter.')
     page.figure(_fleet_figure(population), 'Each dot is a unit with its 95 % interval, the band is '
                 'the range of 95 % of further units, the line is the mean. Units that are out are '
                 'red and named.')
     page.table(
-        ['parameter', 'mean', '95 % interval', 'unit', 'spread', 'range of 95 % of units',
-         'varies'],
-        [[one.name, one.mean, interval_text(one.mean_interval), one.unit, _spread(one),
-          interval_text(one.range), 'yes' if one.varies else 'not seen']
+        ['parameter', 'mean', 'spread', '95 % of units'],
+        [[one.name, f'{number(one.mean)} {one.unit}',
+          _spread(one) if one.varies else 'not\u00a0seen', interval_text(one.range)]
          for one in population.parameters],
         'The population, without the units that are out. The spread is the standard deviation '
-        'between units, without what errors of measurement explain; "varies" says whether it can '
-        'be told from zero.')
+        'between units, without what errors of measurement explain.')
     repeated = population.recordings > len(population.units)
     page.text(
         f'{population.recordings} recordings of {len(population.units)} units were fitted with the '
@@ -130,7 +128,8 @@ def _add_fleet(page: Report, population: Population) -> None:
 @styled
 def _fleet_figure(population: Population) -> Figure:
     parameters, count = population.parameters, len(population.units)
-    figure, axes = panels([one.unit for one in parameters], ['units'] * len(parameters), 1.0)
+    figure, axes = panels([one.unit for one in parameters],
+                          [''] * (len(parameters) - 1) + ['units'], 1.0)
     for one, axis in zip(parameters, axes):
         _draw_parameter(axis, one, count)
         axis.set_xlim(-1.0, count)
@@ -187,17 +186,15 @@ def _errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
     return figure
 
 
-def _effect_rows(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any]]:
-    table: list[list[Any]] = []
+def _effect_rows(rows: list[dict[str, Any]], joints: list[str]) -> list[list[str]]:
+    table: list[list[str]] = []
     for joint in joints:
-        joint_rows = [row for row in rows if row['joint'] == joint]
-        counts = Counter((effect['name'], effect['variable']) for row in joint_rows
+        own = [row for row in rows if row['joint'] == joint]
+        counts = Counter((effect['name'], effect['variable']) for row in own
                          for effect in {e['name']: e for e in row['effects']}.values())
-        table.extend(
-            [joint, name.replace('_', ' '), variable, count, len(joint_rows),
-             'yes' if count > 1 and count >= _REPEATABLE * len(joint_rows) else 'no']
-            for (name, variable), count in counts.most_common())
-    return table or [['', 'none', '', None, len(rows), '']]
+        table.extend([joint, name.replace('_', ' '), variable, f'{count} of {len(own)}']
+                     for (name, variable), count in counts.most_common())
+    return table or [['', 'none', '', '']]
 
 
 def arm_page(result: ArmResult, names: list[str], folders: dict[str, str]) -> Report:
@@ -211,9 +208,8 @@ def arm_page(result: ArmResult, names: list[str], folders: dict[str, str]) -> Re
          'after': report.after.held_out_rmse, 'noise_floor': report.noise_floor}
         for name, report in reports.items()]
     page.table(
-        ['joint', 'verdict', 'before', 'after', 'noise', 'found'],
-        [[Link(name, f'{folders[name]}/report.html'), report.verdict,
-          *(quantity(row[key], unit) for key in ('before', 'after', 'noise_floor')),
+        ['joint', 'verdict', f'before ({unit})', f'after ({unit})', 'found'],
+        [[Link(name, f'{folders[name]}/report.html'), report.verdict, row['before'], row['after'],
           effect_names(effect.name for effect in report.effects)]
          for row, (name, report) in zip(rows, reports.items())],
         'RMS of measured minus predicted on parts that were not fitted, by the initial model and '

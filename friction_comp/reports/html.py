@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from datetime import datetime
 from html import escape
-import math
 from pathlib import Path
 import re
 from typing import Any, NamedTuple, TYPE_CHECKING
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 # Private characters around the name and the text of a value: no text that is read has them.
 _BEGIN, _NAMED, _END = '\ue000', '\ue001', '\ue002'
 _VALUE = re.compile(f'{_BEGIN}(.*?){_NAMED}(.*?){_END}')
+_NUMERIC = re.compile(r'^[>+−\d][>\d. ]*( to [−\d.]+| [^\s,]+)$')
 
 
 class Link(NamedTuple):
@@ -102,27 +102,20 @@ class Report:
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[Any]],
               caption: str = '') -> None:
-        """Add a table of strings, numbers, links and None.
-
-        Numbers of a column have as many decimals as the largest with three significant digits, or
-        three significant digits each if their magnitudes differ much.
-        """
+        """Add a table of strings, numbers (with three digits), links and None."""
         rows = list(rows)
-        columns = list(zip(*rows, strict=True)) or [()] * len(header)
-        numeric = [any(map(_is_number, column)) and all(
-            one is None or _is_number(one) for one in column) for column in columns]
+        numeric = [any(map(_is_number, column)) for column in zip(*rows)] or [False] * len(header)
         kinds = [' class="number"' if is_number else '' for is_number in numeric]
-        cells = [[_cell(one, decimals) for one in column]
-                 for column in columns for decimals in [_decimals(column)]]
         head = ''.join(f'<th scope="col"{kind}>{_inline(name)}</th>' if name else '<td></td>'
                        for kind, name in zip(kinds, header, strict=True))
-        body = ''.join(
-            '<tr>' + ''.join(f'<td{kind}>{cell}</td>' for kind, cell in zip(kinds, row)) + '</tr>'
-            for row in zip(*cells))
-        title = f'<caption>{_inline(caption)}</caption>' if caption else ''
+        body = ''.join('<tr>' + ''.join(
+            f'<td{kind}>{_cell(one)}</td>' for kind, one in zip(kinds, row, strict=True))
+            + '</tr>' for row in rows)
+        # Above what scrolls, so that it breaks at the width of the page.
+        title = f'<p class="caption">{_inline(caption)}</p>' if caption else ''
         # A scrollable region must be reachable from the keyboard.
         self._parts.append(
-            f'<div class="wide" tabindex="0"><table>{title}<thead><tr>{head}</tr></thead>'
+            f'{title}<div class="wide" tabindex="0"><table><thead><tr>{head}</tr></thead>'
             f'<tbody>{body}</tbody></table></div>')
 
     def figure(self, figure: Figure, caption: str) -> None:
@@ -186,23 +179,13 @@ def _is_number(one: object) -> bool:
     return isinstance(one, (int, float, np.integer, np.floating)) and not isinstance(one, bool)
 
 
-def _decimals(column: Sequence[Any]) -> int | None:
-    """Return the number of decimals for a column, or None where its magnitudes differ too much."""
-    sizes = [abs(float(one)) for one in column if isinstance(one, (float, np.floating))
-             and math.isfinite(one) and one != 0]
-    if not sizes or min(sizes) < 0.01 * max(sizes) or not 1e-4 <= max(sizes) < 1e6:
-        return None
-    return max(2 - math.floor(math.log10(max(sizes))), 0)
-
-
-def _cell(one: Any, decimals: int | None) -> str:
-    if isinstance(one, (float, np.floating)) and math.isfinite(one) and decimals is not None:
-        return f'{one:.{decimals}f}'.replace('-', '\u2212')
+def _cell(one: Any) -> str:
     if one is None or _is_number(one):
         return number(one)
     if isinstance(one, Link):
         return f'<a href="{escape(quote(one.target))}">{escape(one.text)}</a>'
-    return _inline(one)
+    # A number stays in one line with its unit, or the other end of its interval.
+    return _inline(_NUMERIC.sub(lambda found: found[0].replace(' ', '\u00a0'), str(one)))
 
 
 def _inline(text: object) -> str:

@@ -35,7 +35,7 @@ _NOT_JUDGED = {'no_presliding': 'starts and turns', 'no_load': 'load',
                'no_temperature': 'temperature'}
 _SLOW_REVERSALS = '10 slow reversals (a sine of 0.1 Hz) at 500 Hz or more'
 # The first number of a sentence with its unit, and the rest.
-_SIZE = re.compile(r'(?:([+−-]?\d[\d.e+−-]* [^\s,;]+)[,;]? ?)?(.*)', re.DOTALL)
+_SIZE = re.compile(r'(?:([+−-]?\d[\d.e+−-]*) ([^\s,;]+)[,;]? ?)?(.*)', re.DOTALL)
 # Signals over which errors are drawn, with their labels.
 _SIGNALS = {'position': 'position (rad)', 'velocity': 'velocity (rad/s)',
             'acceleration': 'acceleration (rad/s²)', 'load': 'load (N·m)', 'time': 'time (s)',
@@ -78,7 +78,7 @@ def friction_rows(friction: FrictionNumbers) -> list[Row]:
             friction.unit, f'half of what lies between {low} and {high}'))
     if friction.presliding is not None:
         middle, spread = (1e3 * friction.presliding.get(name, 0.0) for name in ('distance', 'std'))
-        rows.append(Row('presliding', 'presliding', *_texts(middle, [
+        rows.append(Row('presliding', 'presliding', *number_texts(middle, [
             max(middle - 2.0 * spread, 0.0), middle + 2.0 * spread] if spread else None, 'mrad'),
             'from rest until the gear slides'))
     rows.append(_row(friction, 'transition', remarks['transition']))
@@ -94,13 +94,20 @@ def effect_rows(report: RefinementReport) -> list[Row]:
     for effect in sorted(report.effects, key=lambda one: -sizes.get(one.name, math.inf)):
         if effect.name == 'inertia':
             continue
-        name, _, said = effect.in_words.partition(': ')
+        said = effect.in_words.partition(': ')[2]
         # What follows the first number with its unit is a remark.
-        ends, found = amplitude_interval(effect), _SIZE.match(said)
-        size, remark = found.groups('') if found else ('', said)
-        rows.append(Row(effect.name, name[0].lower() + name[1:], size,
-                        _texts(0.5 * sum(ends), ends, '')[1] if ends else '', remark))
+        found = _SIZE.match(said)
+        amount, unit, remark = found.groups('') if found else ('', '', said)
+        texts, ends = (f'{amount} {unit}'.strip(), ''), amplitude_interval(effect)
+        if ends and amount:
+            texts = number_texts(float(amount.replace('\u2212', '-')), ends, unit)
+        rows.append(Row(f'{effect.name} {len(rows)}', _called(effect), *texts, remark))
     return rows
+
+
+def _called(effect: FoundEffect) -> str:
+    name = effect.in_words.partition(': ')[0]
+    return name[0].lower() + name[1:]
 
 
 def amplitude_interval(effect: FoundEffect) -> list[float] | None:
@@ -133,10 +140,10 @@ def _with_torque(friction: FrictionNumbers, key: str, name: str, found: float,
     # A force in N is that of a linear axis, whose N·m are N.
     if gain and own not in ('N·m', 'N') and 'A' in unit:
         remark = ', '.join(filter(None, (f'{number(gain * found)} {torque}', remark)))
-    return Row(key, name, *_texts(found, ends, shown), remark)
+    return Row(key, name, *number_texts(found, ends, shown), remark)
 
 
-def _texts(found: float, ends: Sequence[float] | None, unit: str) -> tuple[str, str]:
+def number_texts(found: float, ends: Sequence[float] | None, unit: str) -> tuple[str, str]:
     """Return a value with its unit, and its interval, with as many digits as that justifies."""
     if ends is None:
         return f'{number(found)} {unit}', ''
@@ -196,22 +203,39 @@ def remarks(report: RefinementReport) -> list[str]:
         *(line for line in report.warnings if line not in said)]
 
 
-def next_steps(report: RefinementReport, output: Path) -> list[tuple[str, str]]:
-    """Return what to do next with the files in the folder `output`: a word, and how."""
+def next_steps(verdict: str, record: Sequence[str], missing: Sequence[str], output: Path
+               ) -> list[tuple[str, str]]:
+    """Return what to do next with the files in the folder `output`: a word, and how.
+
+    `record` is what to record, `missing` what a compensator would need to know in addition.
+    """
     model = shlex.quote(str(output / 'model.yaml'))
     run = 'python3 -m friction_comp'
-    steps = [('record', line) for line in report.record_again]
-    if report.verdict != 'record again':
+    steps = [('record', line) for line in record]
+    if verdict != 'record again':
         steps += [('simulate', f'{run} export {model} --to mujoco --output joint.xml'),
-                  ('feed ahead', f'{run} predict PLAN.csv --model {model} --output torque.csv')]
-        missing = [name for name in ('breakaway', 'presliding')
-                   if getattr(report.friction, name) is None]
-        if missing:
-            steps.append(('compensate', f'first find {" and ".join(missing)}: record '
-                          + _SLOW_REVERSALS))
-        else:
-            steps.append(('compensate', f'give the compensator the model: model_files [{model}]'))
+                  ('feed ahead', f'{run} predict PLAN.csv --model {model} --output torque.csv'),
+                  ('compensate', f'first find {" and ".join(missing)}: record {_SLOW_REVERSALS}'
+                   if missing else f'give the compensator the model: model_files [{model}]')]
     return steps
+
+
+def _next_steps(report: RefinementReport, output: Path) -> list[tuple[str, str]]:
+    return next_steps(report.verdict, report.record_again,
+                      [name for name in ('breakaway', 'presliding')
+                       if getattr(report.friction, name) is None], output)
+
+
+def step_lines(steps: Sequence[tuple[str, str]]) -> list[str]:
+    """Return steps as lines for a terminal."""
+    return ['next', *(f'  {word:<12}{how}' for word, how in steps)]
+
+
+def add_steps(page: Report, steps: Sequence[tuple[str, str]]) -> None:
+    """Add what to do next to a page."""
+    page.heading('What next')
+    page.table(['', ''], [[f'**{word}**', f'`{how}`' if how.startswith('python3') else how]
+                          for word, how in steps])
 
 
 def effect_names(names: Iterable[str]) -> str:
@@ -234,9 +258,8 @@ def terminal_lines(result: RefineResult, names: Sequence[str], output: Path) -> 
     head = f'{", ".join(names)}: {recorded(result)}'
     if report.assumed:
         head += '; read as ' + '; '.join(report.assumed)
-    steps = [('look', str(output / 'report.html')), *next_steps(report, output)]
-    return [head, '', *summary_lines(report), '', 'next',
-            *(f'  {word:<12}{how}' for word, how in steps)]
+    return [head, '', *summary_lines(report), '', *step_lines([
+        ('look', str(output / 'report.html')), *_next_steps(report, output)])]
 
 
 def summary_lines(report: RefinementReport) -> list[str]:
@@ -267,19 +290,16 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
     page.numbers([(value(key, text), name) for key, name, text in errors(report)])
     page.bullets(report.reasons[1:], 'Also:')
     page.text(f'Cannot be judged: {", ".join(not_judged(report))}.')
-    for line in report.assumed:
-        page.text(f'Read as {line}.')
-    page.table(['friction', 'value', '95 % interval'], _number_rows(
+    page.text('\n\n'.join(f'Read as {line}.' for line in report.assumed))
+    page.table(['friction', 'value', '95 % interval'], number_rows(
         friction_rows(report.friction)))
     effects = effect_rows(report)
     if effects:
-        page.table(['also acting', 'value', '95 % interval'], _number_rows(effects))
+        page.table(['also acting', 'value', '95 % interval'], number_rows(effects))
     else:
         page.text('No effect beyond the friction curve shows in the recordings.')
     page.code(report.friction.formula)
-    page.heading('What next')
-    page.table(['', ''], [[f'**{word}**', f'`{how}`' if how.startswith('python3') else how]
-                          for word, how in next_steps(report, output)])
+    add_steps(page, _next_steps(report, output))
     page.heading('Measured and predicted')
     page.figure(_time_figure(result, quantity_), f'An excerpt. Dots: measured {quantity_}; line: '
                 'predicted, each part by a fit to all others. Below: the difference, in motion.')
@@ -287,9 +307,8 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
                 'without the other effects; line: the friction curve. Below: the difference.')
     shown = _shown_signals(result)
     page.figure(_error_figure(result, shown), f'Measured minus predicted {quantity_} over '
-                f'{", ".join(shown)}. Dots: this model; lines: averages over ranges, solid in the '
-                'positive and dotted in the negative direction; broken: the same of the '
-                f'{errors(report)[-1][1]}, in the positive direction.')
+                f'{", ".join(shown)}, with averages over ranges: solid in the positive, dotted in '
+                'the negative direction. What the model lacks would show as a slope or wave.')
     page.heading('How sure it is')
     page.table(['error', errors(report)[-1][1], 'this model'], _error_rows(report))
     page.text(f'Held out are {report.held_out}. Of {report.samples} rows '
@@ -299,21 +318,21 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
     if report.effects:
         page.table(
             ['effect', 'error with it', 'found in'],
-            [[effect.name.replace('_', ' '), quantity(effect.held_out_rmse, unit),
+            [[_called(effect), quantity(effect.held_out_rmse, unit),
               f'{100 * effect.chosen:.0f} % of the searches'] for effect in report.effects],
             'The search is repeated on parts of the recording drawn at random; an effect is '
             'reported only if most searches find it.')
-    page.bullets(f'{effect.name.replace("_", " ")}: not applied by the compensator, since {reason}'
+    page.bullets(f'{effect.name}: not applied by the compensator, since {reason}'
                  for effect in result.model.effects if (reason := effect.not_fed_back))
     page.bullets(remarks(report), 'Remarks:')
     page.made_by(f'Recordings: {", ".join(names)}')
     return page
 
 
-def _number_rows(rows: Sequence[Row]) -> list[list[str]]:
+def number_rows(rows: Sequence[Row]) -> list[list[str]]:
+    """Return rows of a table of a page."""
     return [[f'**{row.name}**' + (f', {row.remark}' if row.remark else ''),
-             value(row.key, row.value).replace(' ', '\u00a0'),
-             row.interval.replace(' ', '\u00a0')] for row in rows]
+             value(row.key, row.value), row.interval] for row in rows]
 
 
 def _error_rows(report: RefinementReport) -> list[list[str]]:
@@ -331,8 +350,8 @@ def _error_rows(report: RefinementReport) -> list[list[str]]:
         texts = ['' if name == 'elsewhere_motion_rmse' and errors is before
                  else quantity(getattr(errors, name), unit) for errors in (before, after)]
         rows.append([label, *(value(key, text) if key else text for key, text in zip(keys, texts))])
-    return [*rows, ['noise from row to row', '', value('noise', quantity(
-        report.noise_floor, unit))]]
+    rows.append(['noise from row to row', '', value('noise', quantity(report.noise_floor, unit))])
+    return rows
 
 
 @styled
@@ -380,8 +399,7 @@ def _friction_figure(result: RefineResult) -> Figure:
     scatter(below, velocity, friction - result.model.sigmoid(velocity))
     zero(below)
     for axes, values in ((above, friction), (below, friction - result.model.sigmoid(velocity))):
-        low, high = np.percentile(values, (0.5, 99.5))
-        axes.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
+        axes.set_ylim(*_without_outliers(values))
     legend(above)
     return figure
 
@@ -400,19 +418,22 @@ def _error_figure(result: RefineResult, shown: Sequence[str]) -> Figure:
     samples, rows, unit = result.samples, result.usable, result.report.unit
     positive = np.asarray(samples.velocity)[rows] > 0
     figure, axes = panels([f'error ({unit})'] * len(shown), [_SIGNALS[name] for name in shown], 1.2)
-    limit = float(np.percentile(np.abs(result.after[rows]), 99.5))
+    error = result.after[rows]
     for panel, name in zip(axes, shown):
         x = getattr(samples, name)[rows]
-        scatter(panel, x, result.after[rows])
-        for residual, colour, mask, style in (
-                (result.before, 'before', positive, '--'),
-                (result.after, 'predicted', positive, '-'),
-                (result.after, 'predicted', ~positive, ':')):
+        scatter(panel, x, error)
+        for mask, style in ((positive, '-'), (~positive, ':')):
             if mask.sum() > 20:
-                curve(panel, *averages(x[mask], residual[rows][mask]), colour, style=style)
-        panel.set_ylim(-2.5 * limit, 2.5 * limit)
+                curve(panel, *averages(x[mask], error[mask]), 'predicted', style=style)
+        panel.set_xlim(*_without_outliers(x, 0.05))
+        panel.set_ylim(*_without_outliers(error))
         zero(panel)
     return figure
+
+
+def _without_outliers(values: np.ndarray, margin: float = 0.2) -> tuple[float, float]:
+    low, high = np.percentile(values, (0.5, 99.5))
+    return low - margin * (high - low), high + margin * (high - low)
 
 
 def averages(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

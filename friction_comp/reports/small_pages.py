@@ -15,7 +15,7 @@ from friction_comp.excitation.separation import Pair
 from friction_comp.exercise.exercise_script import ExerciseScript
 from friction_comp.exercise.taught_exercise import Taught
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.number_text import interval_text, number, quantity
+from friction_comp.number_text import quantity
 from friction_comp.reports.figures import (
     COLOURS,
     curve,
@@ -28,7 +28,7 @@ from friction_comp.reports.figures import (
     zero,
 )
 from friction_comp.reports.html import Report, value
-from friction_comp.reports.refinement_page import NAMES
+from friction_comp.reports.refinement_page import add_steps, NAMES, number_rows, number_texts, Row
 from friction_comp.samples import Samples
 
 _RATE = 50.0  # of the drawn curves, Hz
@@ -81,19 +81,19 @@ def _plan_figure(plan: JointPlan) -> Figure:
     return figure
 
 
-def steady_state_rows(report: dict[str, Any]) -> list[tuple[str, str, str, str]]:
-    """Return key, name, value with unit, and 95 % interval of each number."""
-    friction, unit = report['friction'], report['unit']
-    return [(key, name, f'{number(friction[key], 4)} {own.replace("A", unit, 1)}',
-             interval_text(friction['intervals'][key], 4))
-            for key, (name, own) in NAMES.items() if friction.get(key) is not None]
+def steady_state_rows(report: dict[str, Any]) -> list[Row]:
+    """Return a row for each number."""
+    friction = report['friction']
+    return [Row(key, name, *number_texts(
+        friction[key], friction['intervals'][key], unit.replace('A', report['unit'], 1)), '')
+        for key, (name, unit) in NAMES.items() if friction.get(key) is not None]
 
 
 def steady_state_page(report: dict[str, Any], model: FrictionModel, speeds: np.ndarray,
-                      currents: np.ndarray, names: Sequence[str]) -> Report:
+                      currents: np.ndarray, name: str, steps: Sequence[tuple[str, str]]) -> Report:
     """Return the page on a table of steady states; `report` is the content of report.json."""
     page = Report(f'Friction of {f"joint {model.joint}" if model.joint else "the joint"} at '
-                  'constant speeds', ', '.join(names), model.is_linear)
+                  'constant speeds', f'{name}: {len(speeds)} speeds', model.is_linear)
     unit = report['unit']
     page.verdict(f'**{report["verdict"][0].upper()}{report["verdict"][1:]}**: '
                  f'{report["reasons"][0]}')
@@ -103,10 +103,8 @@ def steady_state_page(report: dict[str, Any], model: FrictionModel, speeds: np.n
         (value('before', quantity(report['before']['held_out_rmse'], unit)),
          'Coulomb and viscous friction alone')])
     page.bullets(report['reasons'][1:], 'Also:')
-    page.bullets(report['record_again'], 'What to record:')
-    page.table(['friction', 'value', '95 % interval'],
-               [[f'**{name}**', value(key, text), ends]
-                for key, name, text, ends in steady_state_rows(report)])
+    page.table(['friction', 'value', '95 % interval'], number_rows(steady_state_rows(report)))
+    add_steps(page, steps)
     page.figure(_steady_figure(model, speeds, currents, unit), 'Dots: the rows of the table; '
                 'line: the fitted curve. Below: the difference.')
     page.text('Inertia, weight and breakaway do not show in such a table, and the sign change of '

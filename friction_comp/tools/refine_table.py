@@ -19,6 +19,7 @@ from friction_comp.recordings.row_groups import column_of_joints
 from friction_comp.recordings.table_base import Table
 from friction_comp.recordings.table_files import open_table
 from friction_comp.refinement import thresholds
+from friction_comp.reports.refinement_page import next_steps, Row, step_lines, table_lines
 from friction_comp.reports.small_pages import steady_state_page, steady_state_rows
 from friction_comp.statistics import rms
 from friction_comp.tools.common import given_of, print_results, write_results
@@ -60,14 +61,17 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
              and read_name(name).signal in ('load', 'link_torque')]
     report = in_own_units(_report(fit, unit, loads), linear)
     report['warnings'] += table.notes
-    page = steady_state_page(report, fit.model, fit.speeds, fit.currents, [str(path)])
+    steps = next_steps(report['verdict'], report['record_again'], ['breakaway', 'presliding'],
+                       arguments.output)
+    page = steady_state_page(report, fit.model, fit.speeds, fit.currents, str(path), steps)
     write_results(arguments, report, page, fit.model)
-    rows = [f'  {name:<28}{value}  {interval}'
-            for _, name, value, interval in steady_state_rows(report)]
-    return print_results(arguments, report, [
-        'friction at constant speeds, with 95 % intervals:', *in_own_units(rows, linear),
-        f"verdict: {report['verdict']}",
-        *(f'  {line}' for line in (*report['reasons'], *report['warnings']))])
+    table_of = [Row('', 'friction', 'value', '95 % interval', ''), *steady_state_rows(report)]
+    return print_results(arguments, report, in_own_units([
+        f'{path}: {len(fit.speeds)} constant speeds', '',
+        f"{report['verdict'].upper()}: {report['reasons'][0]}",
+        *(f'  {line}' for line in report['reasons'][1:]), '', *table_lines(table_of), '',
+        *(f'note: {line}' for line in report['warnings']), '', *step_lines([
+            ('look', str(arguments.output / 'report.html')), *steps])], linear), made='')
 
 
 def _values(table: Table, columns: tuple[Column, Column], joint: str | None) -> list[np.ndarray]:
