@@ -90,7 +90,7 @@ def friction_rows(friction: FrictionNumbers) -> list[Row]:
 def effect_rows(report: RefinementReport) -> list[Row]:
     """Return a row for each effect that was found but the inertia, the largest first."""
     sizes = {one.name: one.size or 0.0 for one in report.friction.beside}
-    rows = []
+    rows: list[Row] = []
     for effect in sorted(report.effects, key=lambda one: -sizes.get(one.name, math.inf)):
         if effect.name == 'inertia':
             continue
