@@ -12,7 +12,9 @@ from collections import namedtuple
 from collections.abc import Callable, Collection, Iterable, Sequence
 import copy
 from dataclasses import dataclass
+from itertools import product
 import math
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,12 +103,11 @@ class SearchRange:
     limits: Callable[[Coverage, dict[str, float]], tuple[float, float]] | None = None
 
 
+Tried = Sequence[float] | np.ndarray | Callable[[Coverage], Sequence[float] | np.ndarray]
+"""Values of a constant that a search tries, or how they follow from what is covered."""
+
 # Fewest positions of a fine encoder: with fewer, a hundredth of the range is a step or two.
 _COARSE = 150
-
-NEARLY_ONE_SPEED = 0.4
-"""Largest spread of a speed that is constant except for starts and reversals: motion to and fro at
-one speed has 0.25 to 0.35; production strokes, several speeds and sines have 0.46 and more."""
 
 
 def turns_often(coverage: Coverage) -> str:
@@ -152,11 +153,16 @@ class Effect(ABC):
     # Every nonlinear constant, and how it is searched; None if it is not. `transition`, over which
     # friction changes sign, rad/s, is common to all effects of a fit.
     constants: dict[str, SearchRange | None] = {}
+    # Values of constants, of which a search tries all combinations.
+    tried: dict[str, Tried] = {}
+    # Say why recordings cannot show it, or ''.
+    shown_by: tuple[Callable[[Coverage], str], ...] = ()
     # Meaning and unit of each coefficient; A stands for the unit of the recording.
     coefficient_names: tuple[tuple[str, str], ...] = ()
     # One sentence, its term of the model's formula in A, and what moves the state in that term, for
-    # `str.format` with the coefficients {A}, {B}, … and constants.
+    # `str.format` with `symbols`.
     summary = equation = state_equation = ''
+    factors: dict[str, str] = {}    # of the term, by the constant that is zero without it
     # Physically possible sign of the first coefficients: 1, -1, or 0 for either.
     signs: tuple[int, ...] = ()
     # Effect of which it is another form: a model has one of them at most.
@@ -225,7 +231,9 @@ class Effect(ABC):
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         """Return the constants to try on recordings with this coverage, without `transition`."""
-        return [{}]
+        values = (np.asarray(of(coverage) if callable(of) else of).tolist()
+                  for of in cls.tried.values())
+        return [dict(zip(cls.tried, combination)) for combination in product(*values)]
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
@@ -256,7 +264,7 @@ class Effect(ABC):
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
         """Return why recordings with this coverage cannot show it, as a sentence, or ''."""
-        return ''
+        return next(filter(None, (why(coverage) for why in cls.shown_by)), '')
 
     @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
@@ -295,14 +303,15 @@ class Effect(ABC):
         if not cls.has_memory:
             return 0.0
         begins, start = segment_starts(samples), cls.start(sign + np.zeros(len(samples)), c)
-        motion = [np.ascontiguousarray(values, dtype=float)
-                  for values in (samples.time, samples.position, samples.velocity)]
+        time, position, velocity = (np.ascontiguousarray(values, dtype=float) for values in (
+            samples.time, samples.position, samples.velocity))
         if len(samples) > _SHORT:
-            from friction_comp.model.effects.compiled_states import STATES
+            from friction_comp.model.effects.compiled_states import all_states, KINDS, Memory
 
-            if cls.name in STATES:
-                return STATES[cls.name](*motion, begins, np.asarray(start, dtype=float), c)
-        time, position, velocity = motion
+            if cls.name in KINDS:
+                own = {name: getattr(c, name) for name in Memory._fields if hasattr(c, name)}
+                return np.asarray(all_states(KINDS.index(cls.name), time, position, velocity,
+                                             begins, np.asarray(start, float), Memory(**own)))
         changes = zip(np.diff(time, prepend=0.0).tolist(), np.diff(position, prepend=0.0).tolist(),
                       velocity.tolist(), begins.tolist(), start.tolist(), strict=True)
         states, state = [], 0.0
@@ -323,17 +332,29 @@ class Effect(ABC):
         """Return why no drive may have the effect with these coefficients; empty if one may."""
         return ''
 
+    def symbols(self) -> dict[str, Any]:
+        """Return the values that its texts name: coefficients {A}, {B}, … and constants.
+
+        Of two coefficients, {size} and {angle} (degrees) are those of their wave.
+        """
+        a, b = (*self.coefficients, 0.0, 0.0)[:2]
+        return {**self.values, **dict(zip('ABCDEFGH', self.coefficients)),
+                'size': math.hypot(a, b), 'angle': math.degrees(math.atan2(b, a))}
+
     def describe(self) -> str:
         """Return a description of the effect, one sentence."""
-        return self.summary.format(**self._symbols()) or f'{self.name} ({self.variable})'
+        return self.summary.format(**self.symbols()) or f'{self.name} ({self.variable})'
 
     def formula(self) -> str:
         """Return the effect's term with its numbers, in A; see `friction_numbers.formula_of`."""
-        return self.equation.format(**self._symbols()) or self.name
+        factors = ''.join(text for name, text in self.factors.items() if self.values[name])
+        text = (self.equation + factors).format(**self.symbols()).replace('- -', '+ ')
+        # Without the parts of a load that are zero.
+        return re.sub(r' ?[+-]0(?![.\d])(·[\w/()]+)?(?=[ |])', '', text) or self.name
 
     def state_formula(self) -> str:
         """Return what moves the state that its term names, with its numbers; '' without one."""
-        return self.state_equation.format(**self._symbols())
+        return self.state_equation.format(**self.symbols())
 
     # Not to be overridden.
 
@@ -342,9 +363,6 @@ class Effect(ABC):
         """Return the points of `grid`, with the transition that all effects of a fit share."""
         common = {'transition': coverage.transition} if 'transition' in cls.constants else {}
         return [{**point, **common} for point in cls.grid(coverage)]
-
-    def _symbols(self) -> dict[str, float]:
-        return {**self.values, **dict(zip('ABCDEFGH', self.coefficients))}
 
     @classmethod
     def matrix(cls, samples: Samples, constants: dict[str, float], sliding: bool = False

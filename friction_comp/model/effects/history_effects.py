@@ -19,6 +19,9 @@ from friction_comp.model.effects.base import (
 )
 from friction_comp.model.effects.steps import backlash_step, dahl_step, rest_step
 
+# Motors and gears warm up over minutes; below this time in s, other effects look the same.
+_SHORTEST = 30.0
+
 
 def _shortest_reversal(coverage: Coverage, steps: float = 3.0) -> float:
     return max(1e-4 * coverage.span, steps * coverage.resolution)
@@ -30,6 +33,28 @@ def _distance_search(width: float, largest: float, steps: float = 3.0) -> Search
         shortest = _shortest_reversal(coverage, steps)
         return shortest, max(largest * coverage.span, 2.0 * shortest)
     return SearchRange(width, limits=limits)
+
+
+def _hardly_reversed(coverage: Coverage) -> str:
+    return '' if coverage.reversals >= 3 else (
+        'The joint reversed its motion fewer than three times: effects of reversals cannot be '
+        'seen.')
+
+
+def _hardly_rested(coverage: Coverage) -> str:
+    return '' if coverage.rest_duration >= 1.0 else (
+        'The joint hardly ever rested: stiction that grows with the time at rest cannot be seen.')
+
+
+def _hardly_warmed(coverage: Coverage) -> str:
+    return '' if coverage.temperature_span >= 2.0 else (
+        'Motor temperature varied by less than 2 °C: its effect cannot be seen.')
+
+
+def _too_short(coverage: Coverage) -> str:
+    return '' if coverage.duration >= _SHORTEST else (
+        f'The longest recording lasts {coverage.duration:.3g} s: warm-up and other drift '
+        'take minutes and cannot be seen.')
 
 
 class Hysteresis(Effect):
@@ -47,6 +72,10 @@ class Hysteresis(Effect):
     constants = {
         'distance': _distance_search(1.6, 0.25),
         'exponent': SearchRange(1.5, limits=lambda *_: (0.3, 3.0)), 'transition': None}
+    tried = {'distance': lambda coverage: np.geomspace(
+        min(max(3e-4 * coverage.span, 3.0 * coverage.resolution), 0.02 * coverage.span),
+        0.15 * coverage.span, 12), 'exponent': (1.0,)}
+    shown_by = (_hardly_reversed, too_coarse)
     signs = (1,)
     has_memory = True
     fed_back_in_motion = True
@@ -54,14 +83,6 @@ class Hysteresis(Effect):
                'reversal')
     equation = '{A:+.5g}·z {B:+.5g}·dz/dt'
     state_equation = 'dz/dq = (1 - z·sgn(v))^{exponent:.5g}/{distance:.5g}'
-
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        span = coverage.span
-        lowest = max(3e-4 * span, 3.0 * coverage.resolution)
-        return [{'distance': value, 'exponent': 1.0}
-                for value in np.geomspace(min(lowest, 0.02 * span), 0.15 * span, 12).tolist()]
-
     step = staticmethod(dahl_step)
 
     @staticmethod
@@ -74,19 +95,11 @@ class Hysteresis(Effect):
         remaining = np.maximum(1.0 - x.memory * np.sign(x.velocity), 0.0)
         return (x.memory, x.velocity * remaining ** c.exponent / c.distance)
 
-    @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        if coverage.reversals < 3:
-            return ('The joint reversed its motion fewer than three times: effects of reversals '
-                    'cannot be seen.')
-        return too_coarse(coverage)
-
     def dahl_friction(self) -> tuple[float, float]:
         """Return Dahl's friction, and the distance with an exponent of 1 for the same half rise."""
         p = self.values['exponent']
         reach = math.log(2.0) if abs(p - 1.0) < 1e-6 else (0.5 ** (1.0 - p) - 1.0) / (p - 1.0)
         return self.coefficients[0], reach / math.log(2.0) * self.values['distance']
-
 
 
 class Backlash(Effect):
@@ -104,6 +117,7 @@ class Backlash(Effect):
     constants = {
         'gap': _distance_search(1.6, 0.4), 'distance': _distance_search(2.5, 0.25),
         'transition': None}
+    shown_by = Hysteresis.shown_by
     signs = (1,)
     has_memory = True
     fed_back_in_motion = True
@@ -112,16 +126,14 @@ class Backlash(Effect):
     equation = '{A:+.5g}·b'
     state_equation = ('b = sgn(u)·max(0, |u| - {gap:.5g}/2)/{distance:.5g}, where u moves with q '
                       'up to |b| = 1')
+    step = staticmethod(backlash_step)
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        span = coverage.span
-        shortest = _shortest_reversal(coverage)
+        span, shortest = coverage.span, _shortest_reversal(coverage)
         return [{'gap': gap, 'distance': max(share * gap, shortest)}
                 for gap in np.geomspace(min(10.0 * shortest, 0.02 * span), 0.25 * span, 6).tolist()
                 for share in (0.1, 0.7)]
-
-    step = staticmethod(backlash_step)
 
     @staticmethod
     def start(sign: Any, c: Any) -> Any:
@@ -132,13 +144,8 @@ class Backlash(Effect):
         pushed = np.maximum(np.abs(x.memory) - 0.5 * c.gap, 0.0) / c.distance
         return (np.sign(x.memory) * pushed,)
 
-    @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        return Hysteresis.insufficient_data(coverage)
-
     def dahl_friction(self) -> tuple[float, float]:
         return self.coefficients[0], self.values['distance'] + 0.5 * self.values['gap']
-
 
 
 class RestTime(Effect):
@@ -153,6 +160,11 @@ class RestTime(Effect):
         'time_constant': SearchRange(1.8, limits=lambda coverage, _: (
             0.1, max(5.0 * coverage.duration, 0.2))),
         'distance': _distance_search(1.8, 0.5, 1.0), 'velocity': None, 'transition': None}
+    tried = {
+        'velocity': lambda coverage: tuple(x * coverage.slowest for x in (1.0, 0.25, 0.06)),
+        'time_constant': np.geomspace(0.3, 30.0, 5),
+        'distance': lambda coverage: np.geomspace(2e-3 * coverage.span, 0.2 * coverage.span, 5)}
+    shown_by = (_hardly_rested,)
     signs = (1,)
     has_memory = True
     summary = ('Rest time: up to {A:+.3g} A more friction after resting (time constant '
@@ -160,32 +172,21 @@ class RestTime(Effect):
     equation = '{A:+.5g}·tanh(v/{transition:.5g})·r'
     state_equation = ('r grows at rest to 1 - exp(-t/{time_constant:.5g}) and fades in motion with '
                       'exp(-|Δq|/{distance:.5g})')
-
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        span = coverage.span
-        return [{'time_constant': constant, 'distance': distance,
-                 'velocity': share * coverage.slowest}
-                for share in (1.0, 0.25, 0.06)
-                for constant in np.geomspace(0.3, 30.0, 5).tolist()
-                for distance in np.geomspace(2e-3 * span, 0.2 * span, 5).tolist()]
-
     step = staticmethod(rest_step)
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         return (x.sign * x.memory,)
 
-    @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        if coverage.rest_duration >= 1.0:
-            return ''
-        return ('The joint hardly ever rested: stiction that grows with the time at rest cannot '
-                'be seen.')
+
+def _changed_friction(x: Signals, change: Any) -> tuple[Any, ...]:
+    """Return columns of Coulomb and viscous friction that change, and of unequal directions."""
+    return (x.sign * change, x.velocity * change, x.sign * x.sign * change)
 
 
-# Motors and gears warm up over minutes; below this time in s, other effects look the same.
-_SHORTEST = 30.0
+# The factor of such columns.
+_CHANGED = ('+({A:+.5g}·tanh(v/{transition:.5g}) {B:+.5g}·v '
+            '{C:+.5g}·tanh(v/{transition:.5g})^2)')
 
 
 class Temperature(Effect):
@@ -203,25 +204,15 @@ class Temperature(Effect):
     # Friction falls almost linearly over tens of kelvin.
     range_margins = {'temperature': 1.0}
     constants = {'reference_temperature': None, 'transition': None}
+    tried = {'reference_temperature': lambda coverage: (coverage.temperature,)}
+    shown_by = (_hardly_warmed,)
     summary = ('Temperature: per kelvin Coulomb friction changes by {A:+.3g} A and viscous '
                'friction by {B:+.3g} A per rad/s')
-    equation = ('+({A:+.5g}·tanh(v/{transition:.5g}) {B:+.5g}·v '
-                '{C:+.5g}·tanh(v/{transition:.5g})^2)·(T - {reference_temperature:.5g})')
-
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'reference_temperature': coverage.temperature}]
-
-    @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        if coverage.temperature_span >= 2.0:
-            return ''
-        return 'Motor temperature varied by less than 2 °C: its effect cannot be seen.'
+    equation = _CHANGED + '·(T - {reference_temperature:.5g})'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        difference = x.temperature - c.reference_temperature
-        return (x.sign * difference, x.velocity * difference, x.sign * x.sign * difference)
+        return _changed_friction(x, x.temperature - c.reference_temperature)
 
 
 class OffsetDrift(Effect):
@@ -237,21 +228,11 @@ class OffsetDrift(Effect):
     # Slower, it is a straight line in time; faster, it covers only a few movements.
     constants: dict[str, SearchRange | None] = {'time_constant': SearchRange(
         1.7, limits=lambda coverage, _: (0.02 * coverage.duration, 5.0 * coverage.duration))}
+    tried = {'time_constant': lambda coverage: np.geomspace(
+        coverage.duration / 30.0, 5.0 * coverage.duration, 9)}
+    shown_by = (_too_short,)
     summary = 'Offset drift: {A:+.3g} A at the start, fading with {time_constant:.3g} s'
     equation = '{A:+.5g}·exp(-t/{time_constant:.5g})'
-
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        duration = coverage.duration
-        return [{'time_constant': value}
-                for value in np.geomspace(duration / 30.0, 5.0 * duration, 9).tolist()]
-
-    @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        if coverage.duration >= _SHORTEST:
-            return ''
-        return (f'The longest recording lasts {coverage.duration:.3g} s: warm-up and other drift '
-                'take minutes and cannot be seen.')
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -274,10 +255,8 @@ class WarmUp(OffsetDrift):
     constants = {**OffsetDrift.constants, 'transition': None}
     summary = ('Warm-up: {A:+.3g} A of Coulomb and {B:+.3g} A per rad/s of viscous friction at the '
                'start, fading with {time_constant:.3g} s')
-    equation = ('+({A:+.5g}·tanh(v/{transition:.5g}) {B:+.5g}·v '
-                '{C:+.5g}·tanh(v/{transition:.5g})^2)·exp(-t/{time_constant:.5g})')
+    equation = _CHANGED + '·exp(-t/{time_constant:.5g})'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        fade = np.exp(-np.maximum(x.time, 0.0) / c.time_constant)
-        return (x.sign * fade, x.velocity * fade, x.sign * x.sign * fade)
+        return _changed_friction(x, *OffsetDrift.columns(x, c))

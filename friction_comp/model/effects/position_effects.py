@@ -14,7 +14,6 @@ from friction_comp.model.effects.base import (
     CARRIES,
     Coverage,
     Effect,
-    NEARLY_ONE_SPEED,
     ResidualView,
     RESISTS,
     SearchRange,
@@ -22,61 +21,48 @@ from friction_comp.model.effects.base import (
     turns_often,
 )
 
-_BINS_A_PERIOD = 4
-_MOST_BINS = 1 << 17
+_BINS_A_PERIOD, _MOST_BINS = 4, 1 << 17
 # Fewest waves over the range of position, to distinguish a wave from a slope.
 FEWEST_PERIODS = 1.5
-
-
-def highest_frequency(velocity: np.ndarray, sample_time: float, resolution: float) -> float:
-    """Return the highest spatial frequency in rad/rad that a recording can show.
-
-    A period takes three samples, `sample_time` s, at the slowest quarter of the speeds, and four
-    position steps of `resolution` rad (0 if there are none) at least.
-    """
-    slow = float(np.percentile(np.abs(velocity), 25))
-    highest = 2.0 * math.pi / max(3.0 * slow * sample_time, 1e-12)
-    return min(highest, 2.0 * math.pi / (4.0 * resolution)) if resolution > 0 else highest
-
-
-def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.ndarray,
-                      highest: float, periods: float = FEWEST_PERIODS
-                      ) -> tuple[np.ndarray, np.ndarray]:
-    """Return spatial frequencies in rad/rad, and the sum of squares that each would explain, (M,).
-
-    The signal, shape (N,), is modelled as amplitude · (a·cos(kq) + b·sin(kq)) for k from `periods`
-    over the range of position to `highest`, rad/rad (periods per turn).
-    """
-    span = float(np.ptp(position))
-    energy = float(amplitude @ amplitude)
-    if not highest * span > 2.0 * math.pi * periods or energy <= 0.0:
-        return np.empty(0), np.empty(0)
-    bins = min(math.ceil(_BINS_A_PERIOD * highest * span / (2.0 * math.pi)) + 1, _MOST_BINS)
-    width = span / bins
-    index = np.minimum(((position - position.min()) / width).astype(np.int64), bins - 1)
-    sums = np.bincount(index, amplitude * signal, minlength=bins)
-    size = 1 << (4 * bins - 1).bit_length()
-    k = 2.0 * math.pi * np.fft.rfftfreq(size, width)
-    power = 2.0 * np.abs(np.fft.rfft(sums, size)) ** 2 / energy
-    keep = (k >= 2.0 * math.pi * periods / span) & (k <= highest)
-    return k[keep], power[keep]
-
-
-def peaks(k: np.ndarray, power: np.ndarray, count: int, separation: float) -> list[float]:
-    """Return the frequencies of the highest peaks with at least a separation between them."""
-    highest: list[float] = []
-    for index in np.argsort(power)[::-1][:2000]:
-        if all(abs(k[index] - other) > separation for other in highest):
-            highest.append(float(k[index]))
-            if len(highest) == count:
-                break
-    return highest
-
-
 # Frequencies proposed for each shape of ripple.
 _PEAKS = 4
 # Positions of bumps proposed for each width, and the fewest rows by which one is judged.
 _PLACES, _FEWEST = 2, 20
+# Largest spread of a speed that is constant except for starts and reversals: motion to and fro at
+# one speed has 0.25 to 0.35; production strokes, several speeds and sines have 0.46 and more.
+_NEARLY_ONE_SPEED = 0.4
+
+
+def spectrum_peaks(view: ResidualView, amplitude: np.ndarray) -> list[float]:
+    """Return the spatial frequencies, rad/rad (periods per turn), that would explain most.
+
+    The residual is modelled as amplitude · (a·cos(kq) + b·sin(kq)) with an amplitude of shape (R,).
+    A period takes three rows at the slowest quarter of the speeds, and four position steps at
+    least. Of a joint that turned often, only harmonics of a turn are returned.
+    """
+    coverage, span = view.coverage, float(np.ptp(view.position))
+    slow = float(np.percentile(np.abs(view.velocity), 25))
+    highest = 2.0 * math.pi / max(3.0 * slow * view.row_time, 4.0 * coverage.resolution, 1e-12)
+    energy = float(amplitude @ amplitude)
+    if not highest * span > 2.0 * math.pi * FEWEST_PERIODS or energy <= 0.0:
+        return []
+    bins = min(math.ceil(_BINS_A_PERIOD * highest * span / (2.0 * math.pi)) + 1, _MOST_BINS)
+    width = span / bins
+    index = np.minimum(((view.position - view.position.min()) / width).astype(np.int64), bins - 1)
+    sums = np.bincount(index, amplitude * view.residual, minlength=bins)
+    size = 1 << (4 * bins - 1).bit_length()
+    k = 2.0 * math.pi * np.fft.rfftfreq(size, width)
+    keep = (k >= 2.0 * math.pi * FEWEST_PERIODS / span) & (k <= highest)
+    separation = 2.0 * math.pi / coverage.span
+    if turns_often(coverage):
+        near = 0.5 * separation
+        keep &= (np.abs(k - np.round(k)) < near) & (k > 1.0 - near)
+    k, power = k[keep], np.abs(np.fft.rfft(sums, size))[keep]
+    found: list[float] = []
+    for row in np.argsort(power)[::-1][:2000]:
+        if len(found) < _PEAKS and all(abs(k[row] - other) > separation for other in found):
+            found.append(float(k[row]))
+    return found
 
 
 class Cogging(Effect):
@@ -94,32 +80,22 @@ class Cogging(Effect):
             1.0, unit=lambda coverage, _: math.pi / coverage.span,
             limits=lambda coverage, _: (2.0 * math.pi * FEWEST_PERIODS / coverage.span, math.inf)),
         'growth': None, 'speed': None, 'transition': None}
+    tried = {'growth': (0.0, 1.0), 'speed': lambda coverage: (coverage.speed,)}
     # The amplitude holds at recorded speeds; over position the ripple repeats.
     range_margins = {'velocity': 0.25}
-    _word = 'Cogging'
-
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'growth': growth, 'speed': coverage.speed} for growth in (0.0, 1.0)]
+    summary = 'Cogging: {size:.3g} A at {speed:.2g} rad/s, {frequency:.5g} times a turn'
+    equation = '+({A:+.5g}·cos({frequency:.7g}·q) {B:+.5g}·sin({frequency:.7g}·q))'
+    factors = {'growth': '·(|v|/{speed:.5g})^{growth:g}'}
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
-        """Return the largest peaks in the residual's spectrum; harmonics if it turned often."""
-        coverage, proposed = view.coverage, []
-        highest = highest_frequency(view.velocity, view.row_time, coverage.resolution)
-        separation = 2.0 * math.pi / coverage.span
-        for constants in cls.points(coverage):
-            c = cls.Constants(frequency=0.0, **constants)
+        proposed = []
+        for constants in cls.points(view.coverage):
             signals = Signals(position=view.position, velocity=view.velocity, sign=view.sign)
             # At frequency zero the first column is the amplitude itself.
-            k, power = position_spectrum(
-                view.position, view.residual, cls.columns(signals, c)[0], highest)
-            if turns_often(coverage):
-                width = 0.5 * separation
-                harmonic = (np.abs(k - np.round(k)) < width) & (k > 1.0 - width)
-                k, power = k[harmonic], power[harmonic]
+            amplitude, _ = cls.columns(signals, cls.Constants(frequency=0.0, **constants))
             proposed += [{'frequency': frequency, **constants}
-                         for frequency in peaks(k, power, _PEAKS, separation)]
+                         for frequency in spectrum_peaks(view, amplitude)]
         return proposed
 
     @staticmethod
@@ -127,36 +103,19 @@ class Cogging(Effect):
         amplitude, phase = (abs(x.velocity) / c.speed) ** c.growth, c.frequency * x.position
         return (amplitude * np.cos(phase), amplitude * np.sin(phase))
 
-    def describe(self) -> str:
-        size = math.hypot(*self.coefficients)
-        with_speed = (f' at {self.values["speed"]:.2g} rad/s, growing with speed'
-                      if self.values['growth'] else '')
-        return (f'{self._word}: {size:.3g} A{with_speed}, {self.values["frequency"]:.5g} times a '
-                'turn')
-
-    def formula(self) -> str:
-        a, b = self.coefficients
-        k = self.values['frequency']
-        grown = (f'·(|v|/{self.values["speed"]:.5g})^{self.values["growth"]:g}'
-                 if self.values['growth'] else '')
-        return f'+({a:+.5g}·cos({k:.7g}·q) {b:+.5g}·sin({k:.7g}·q)){grown}'
-
 
 class FrictionRipple(Cogging):
     """``(A·cos(kq) + B·sin(kq))·tanh(v/v_t)·(|v|/v_ref)^g``: changes sign with the direction."""
 
     name = 'friction_ripple'
     role = RESISTS
-    _word = 'Friction ripple'
+    summary = Cogging.summary.replace('Cogging', 'Friction ripple')
+    equation = Cogging.equation + '·tanh(v/{transition:.5g})'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        amplitude = x.sign * (abs(x.velocity) / c.speed) ** c.growth
-        phase = c.frequency * x.position
-        return (amplitude * np.cos(phase), amplitude * np.sin(phase))
-
-    def formula(self) -> str:
-        return f'{super().formula()}·tanh(v/{self.values["transition"]:.5g})'
+        cosine, sine = Cogging.columns(x, c)
+        return (x.sign * cosine, x.sign * sine)
 
 
 class Bump(Effect):
@@ -177,6 +136,14 @@ class Bump(Effect):
             max(0.002 * coverage.span, coverage.resolution), 0.2 * coverage.span)),
         'exponent': SearchRange(2.2, limits=lambda *_: (1.0, 10.0)),
         'directional': None, 'transition': None}
+    shown_by = (turns_often, lambda coverage: (
+        '' if coverage.speed_spread >= _NEARLY_ONE_SPEED else
+        f'Speed was near {coverage.median_speed:.3g} rad/s most of the time: the few '
+        'samples of starts and reversals determine the dependence on speed, and bumps '
+        'cannot be distinguished from effects of starts and reversals.'))
+    summary = 'Bump: {A:+.3g} A at {position:.4g} rad, with a width of {width:.2g} rad'
+    equation = '{A:+.5g}·exp(-0.5·(|q - {position:.6g}|/{width:.5g})^{exponent:.5g})'
+    factors = {'directional': '·tanh(v/{transition:.5g})'}
 
     def __init__(self, parameters: dict[str, Any],
                  valid_range: dict[str, Any] | None = None) -> None:
@@ -224,23 +191,3 @@ class Bump(Effect):
         distance = np.minimum(abs(x.position - c.position) / c.width, 1e6)
         bell = np.exp(-np.minimum(0.5 * distance ** c.exponent, 700.0))
         return (bell * x.sign if c.directional else bell,)
-
-    @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        if turns_often(coverage) or coverage.speed_spread >= NEARLY_ONE_SPEED:
-            return turns_often(coverage)
-        return (f'Speed was near {coverage.median_speed:.3g} rad/s most of the time: the few '
-                'samples of starts and reversals determine the dependence on speed, and bumps '
-                'cannot be distinguished from effects of starts and reversals.')
-
-    def describe(self) -> str:
-        c = self.values
-        kind = 'more friction' if c['directional'] else 'torque in one direction'
-        return (f'Bump: {self.coefficients[0]:+.3g} A {kind} at {c["position"]:.4g} rad, '
-                f'about {2.4 * c["width"]:.2g} rad wide')
-
-    def formula(self) -> str:
-        c = self.values
-        sign = f'·tanh(v/{c["transition"]:.5g})' if c['directional'] else ''
-        return (f'{self.coefficients[0]:+.5g}·exp(-0.5·(|q {-c["position"]:+.6g}|'
-                f'/{c["width"]:.5g})^{c["exponent"]:.5g}){sign}')

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-import math
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,14 @@ from friction_comp.model.effects.base import (
 _LOADS = ('cosine', 'sine', 'slope', 'offset', 'inertia')
 
 
+def _range_too_short(coverage: Coverage) -> str:
+    if coverage.linear:
+        return 'The axis is linear: what a weight holds is part of the offset.'
+    return '' if coverage.span >= 0.5 else (
+        f'Position covered {coverage.span:.3g} rad only: offset and spring contain what a weight '
+        'holds there, and slow ripple cannot be seen.')
+
+
 class Gravity(Effect):
     """``A·cos(q) + B·sin(q)``, independent of the direction of motion."""
 
@@ -34,7 +41,10 @@ class Gravity(Effect):
     variable = 'position'
     role = CARRIES
     in_first_model = weight = gives_load = True
-    range_margins = {'position': math.inf}
+    range_margins = {'position': np.inf}
+    shown_by = (_range_too_short,)
+    summary = ('Gravity-like: {size:.3g} A once a turn, largest at a joint angle of {angle:.0f} '
+               'degrees')
     equation = '{A:+.5g}·cos(q) {B:+.5g}·sin(q)'
 
     @staticmethod
@@ -47,24 +57,9 @@ class Gravity(Effect):
         return coverage.span < 2.0
 
     @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        if coverage.linear:
-            return 'The axis is linear: what a weight holds is part of the offset.'
-        if coverage.span >= 0.5:
-            return ''
-        return (f'Position covered {coverage.span:.3g} rad only: offset and spring contain what '
-                'a weight holds there, and slow ripple cannot be seen.')
-
-    @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
                    ) -> dict[str, float]:
         return {'cosine': coefficients[0], 'sine': coefficients[1]}
-
-    def describe(self) -> str:
-        a, b = self.coefficients
-        where = math.degrees(math.atan2(b, a))
-        return (f'Gravity-like: {math.hypot(a, b):.3g} A once a turn, largest at a joint angle of '
-                f'{where:.0f} degrees')
 
 
 class Spring(Effect):
@@ -77,12 +72,11 @@ class Spring(Effect):
     in_first_model = gives_load = True
     range_margins = {'position': 0.25}
     constants = {'position': None}
+    # One is enough: the offset of Eq. 6 accounts for any other rest position.
+    tried = {'position': lambda coverage: (0.5 * (coverage.lowest + coverage.highest),)}
+    shown_by = (turns_often,)
     summary = 'Spring-like: {A:+.3g} A per rad'
-
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        # One is enough: the offset of Eq. 6 accounts for any other rest position.
-        return [{'position': 0.5 * (coverage.lowest + coverage.highest)}]
+    equation = '{A:+.5g}·(q - {position:.5g})'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -97,19 +91,11 @@ class Spring(Effect):
                    ) -> dict[str, float]:
         return {'slope': coefficients[0], 'offset': -coefficients[0] * constants['position']}
 
-    @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        return turns_often(coverage)
-
     def doubt(self) -> str:
-        if self.coefficients[0] >= 0.0:
-            return ''
-        return (f'The spring of {self.coefficients[0]:.3g} A per rad pushes away from its middle, '
-                'as no spring does: it stands for a weight or for other links, and only in '
-                'positions like the recorded ones.')
-
-    def formula(self) -> str:
-        return f'{self.coefficients[0]:+.5g}·(q {-self.values["position"]:+.5g})'
+        return '' if self.coefficients[0] >= 0.0 else (
+            f'The spring of {self.coefficients[0]:.3g} A per rad pushes away from its middle, as '
+            'no spring does: it stands for a weight or for other links, and only in positions like '
+            'the recorded ones.')
 
 
 class Inertia(Effect):
@@ -213,13 +199,10 @@ class LoadFriction(Effect):
     range_margins = {'load': 0.25}
     # With a lower power it would be Coulomb friction.
     constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.3, 3.0)), 'transition': None}
+    tried = {'exponent': (1.0, 2.0)}
     summary = ('Load-dependent friction: {A:+.4g} A at 1 N·m of load, growing with its power '
                '{exponent:.3g}')
     equation = '{A:+.5g}·tanh(v/{transition:.5g})·|τ_b|^{exponent:.5g}'
-
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'exponent': exponent} for exponent in (1.0, 2.0)]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -233,9 +216,8 @@ class CarriedLoadFriction(LoadFriction):
     needs = ('rigid_body',)
     range_margins = {}
     constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.5, 3.0)), 'transition': None}
-    summary = ('Load-dependent friction: {A:+.4g} A at 1 N·m that the links need at the joint, '
-               'growing with its power {exponent:.3g}')
-    equation = '{A:+.5g}·tanh(v/{transition:.5g})·|τ_links|^{exponent:.5g}'
+    summary = LoadFriction.summary.replace('of load', 'that the links need at the joint')
+    equation = LoadFriction.equation.replace('τ_b', 'τ_links')
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -244,9 +226,8 @@ class CarriedLoadFriction(LoadFriction):
 
 def _speed_of_fading(coverage: Coverage, constants: dict[str, float]) -> tuple[float, float]:
     """Return the limits of the fading speed; without fading, the constant is not searched."""
-    if constants['fading']:
-        return coverage.slowest, 2.0 * coverage.speed
-    return constants['velocity'], constants['velocity']
+    return (coverage.slowest, 2.0 * coverage.speed) if constants['fading'] else (
+        constants['velocity'], constants['velocity'])
 
 
 class InnerLoadFriction(Effect):
@@ -267,15 +248,19 @@ class InnerLoadFriction(Effect):
     signs = (1,)
     constants = {**dict.fromkeys(_LOADS), 'with_inertia': None, 'exponent': None, 'fading': None,
                  'velocity': SearchRange(1.6, limits=_speed_of_fading), 'transition': None}
+    summary = ('Load-dependent friction: {A:.3g} A of friction for 1 A (to the power {exponent:g}) '
+               'of the load that gravity or a spring makes')
+    equation = ('{A:+.5g}·tanh(v/{transition:.5g})·|{cosine:+.5g}·cos(q) {sine:+.5g}·sin(q) '
+                '{slope:+.5g}·q {offset:+.5g} {of_inertia:+.5g}·dv/dt|^{exponent:g}')
+    factors = {'fading': '·exp(-|v|/{velocity:.5g})'}
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        still = dict.fromkeys(_LOADS, 0.0)
-        shapes = [(1.0, 0.0, coverage.speed), (2.0, 0.0, coverage.speed)]
-        shapes += [(1.0, 1.0, value)
-                   for value in np.geomspace(0.05 * coverage.speed, coverage.speed, 4).tolist()]
-        return [{**still, 'with_inertia': with_inertia, 'exponent': exponent, 'fading': fading,
-                 'velocity': velocity}
+        fading = np.geomspace(0.05 * coverage.speed, coverage.speed, 4).tolist()
+        shapes = [(1.0, 0.0, coverage.speed), (2.0, 0.0, coverage.speed),
+                  *((1.0, 1.0, value) for value in fading)]
+        return [{**dict.fromkeys(_LOADS, 0.0), 'with_inertia': with_inertia, 'exponent': exponent,
+                 'fading': fading, 'velocity': velocity}
                 for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]
 
     @classmethod
@@ -294,19 +279,6 @@ class InnerLoadFriction(Effect):
         fade = np.exp(-c.fading * np.minimum(abs(x.velocity) / c.velocity, 700.0))
         return (x.sign * abs(load) ** c.exponent * fade,)
 
-    def describe(self) -> str:
-        c = self.values
-        how = ('growing with its square' if c['exponent'] == 2.0 else
-               f'fading at about {c["velocity"]:.3g} rad/s' if c['fading'] else 'in proportion')
-        size = math.hypot(c['cosine'], c['sine']) + abs(c['slope'])
-        return (f'Load-dependent friction: {self.coefficients[0]:.3g} A of friction for 1 A of the '
-                f'load that gravity or a spring makes ({size:.3g} A), {how}')
-
-    def formula(self) -> str:
-        c = self.values
-        parts = {'cosine': '·cos(q)', 'sine': '·sin(q)', 'slope': '·q', 'offset': '',
-                 **({'inertia': '·dv/dt'} if c['with_inertia'] else {})}
-        load = ' '.join(f'{c[name]:+.5g}{of}' for name, of in parts.items() if c[name]) or '0'
-        fade = f'·exp(-|v|/{c["velocity"]:.5g})' if c['fading'] else ''
-        return (f'{self.coefficients[0]:+.5g}·tanh(v/{c["transition"]:.5g})·|{load}|'
-                f'^{c["exponent"]:g}{fade}')
+    def symbols(self) -> dict[str, Any]:
+        return {**super().symbols(),
+                'of_inertia': self.values['with_inertia'] * self.values['inertia']}

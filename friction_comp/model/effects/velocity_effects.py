@@ -12,10 +12,14 @@ from friction_comp.model.effects.base import Coverage, Effect, SearchRange, Sign
 
 
 def _speed_hardly_varied(coverage: Coverage) -> str:
-    if coverage.speed >= 1.5 * coverage.slow:
-        return ''
-    return (f'Speed hardly varied ({coverage.slow:.3g} to {coverage.speed:.3g} rad/s): effects of '
-            'velocity cannot be seen.')
+    return '' if coverage.speed >= 1.5 * coverage.slow else (
+        f'Speed hardly varied ({coverage.slow:.3g} to {coverage.speed:.3g} rad/s): effects of '
+        'velocity cannot be seen.')
+
+
+def _stribeck_speeds(coverage: Coverage) -> np.ndarray:
+    lowest = max(1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed)
+    return np.geomspace(min(lowest, 0.3 * coverage.speed), 0.7 * coverage.speed, 9)
 
 
 class Stribeck(Effect):
@@ -28,31 +32,15 @@ class Stribeck(Effect):
     # Near the top speed it would be curved viscous friction; near standstill it cannot be seen.
     constants = {'velocity': SearchRange(1.6, limits=lambda coverage, _: (
         0.5 * coverage.slowest, 0.7 * coverage.speed)), 'exponent': None, 'transition': None}
+    tried = {'velocity': _stribeck_speeds, 'exponent': (1.0, 2.0)}
+    shown_by = (_speed_hardly_varied,)
+    summary = ('Stribeck: near standstill friction differs by {A:+.3g} A, fading at about '
+               '{velocity:.3g} rad/s')
     equation = '{A:+.5g}·tanh(v/{transition:.5g})·exp(-(|v|/{velocity:.5g})^{exponent:.5g})'
-
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        lowest = max(1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed)
-        return [{'velocity': velocity, 'exponent': exponent}
-                for velocity in np.geomspace(
-                    min(lowest, 0.3 * coverage.speed), 0.7 * coverage.speed, 9).tolist()
-                for exponent in (1.0, 2.0)]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         return (x.sign * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),)
-
-    @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        return _speed_hardly_varied(coverage)
-
-    def describe(self) -> str:
-        size, speed = abs(self.coefficients[0]), self.values['velocity']
-        if self.coefficients[0] > 0:
-            return (f'Stribeck: near standstill friction is {size:.3g} A higher, fading at about '
-                    f'{speed:.3g} rad/s')
-        return (f'Sub-linear friction: near standstill it is {size:.3g} A lower, rising within '
-                f'about {speed:.3g} rad/s')
 
 
 class ViscousShape(Effect):
@@ -70,21 +58,21 @@ class ViscousShape(Effect):
     # Below a fifth it resembles Coulomb friction; above 3.5, a few fast samples determine it.
     constants = {'exponent': SearchRange(1.3, limits=lambda *_: (0.2, 3.5)), 'reference': None,
                  'transition': None}
+    tried = {'exponent': (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0),
+             'reference': lambda coverage: (coverage.speed,)}
+    shown_by = (_speed_hardly_varied,)
+    summary = 'Viscous shape: friction is curved over speed (power {exponent:.3g})'
+    equation = ('{A:+.5g}·tanh(v/{transition:.5g})·((|v|/{reference:.5g})^{exponent:.5g} - '
+                '{slope:.5g}·|v|/{reference:.5g})')
 
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'exponent': exponent, 'reference': coverage.speed}
-                for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
+    @staticmethod
+    def _slope(exponent: float) -> float:
+        return 6.0 * exponent / ((exponent + 1.0) * (exponent + 2.0))
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         speed = abs(x.velocity) / c.reference
-        slope = 6.0 * c.exponent / ((c.exponent + 1.0) * (c.exponent + 2.0))
-        return (x.sign * (speed ** c.exponent - slope * speed),)
-
-    @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        return _speed_hardly_varied(coverage)
+        return (x.sign * (speed ** c.exponent - ViscousShape._slope(c.exponent) * speed),)
 
     @classmethod
     def signs_with(cls, constants: dict[str, float]) -> tuple[int, ...]:
@@ -99,18 +87,8 @@ class ViscousShape(Effect):
             return 0.85 if value < 1.0 else 1.2
         return super().limited(name, value, constants, coverage)
 
-    def describe(self) -> str:
-        gain, exponent = self.coefficients[0], self.values['exponent']
-        bends = 'sub-linearly' if (gain > 0) == (exponent < 1) else 'super-linearly'
-        return (f'Viscous shape: friction grows {bends} with speed '
-                f'(power {exponent:.3g} beside the linear term)')
-
-    def formula(self) -> str:
-        c = self.values
-        exponent, speed = c['exponent'], f'|v|/{c["reference"]:.5g}'
-        slope = 6.0 * exponent / ((exponent + 1.0) * (exponent + 2.0))
-        return (f'{self.coefficients[0]:+.5g}·tanh(v/{c["transition"]:.5g})'
-                f'·(({speed})^{exponent:.5g} - {slope:.5g}·{speed})')
+    def symbols(self) -> dict[str, Any]:
+        return {**super().symbols(), 'slope': self._slope(self.values['exponent'])}
 
 
 class DirectionAsymmetry(Effect):
@@ -126,32 +104,22 @@ class DirectionAsymmetry(Effect):
                          ('half the difference of viscous friction', 'A·s/rad'))
     variable = 'direction'
     constants = {'offset': None, 'transition': None}
-
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'offset': 1.0}]
+    tried = {'offset': (1.0,)}
+    shown_by = (lambda coverage: '' if coverage.both_directions else (
+        'Motion was in one direction only: differences between directions, constant offsets and '
+        'reversals cannot be seen.'),)
+    summary = ('Direction: half of what the positive direction needs more than the negative one is '
+               '{A:+.3g} A {B:+.3g} A per rad/s')
+    equation = '{A:+.5g}{shape} {B:+.5g}·|v|'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         return (1.0 if c.offset else x.sign ** 2, abs(x.velocity))
 
-    @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        if coverage.both_directions:
-            return ''
-        return ('Motion was in one direction only: differences between directions, constant '
-                'offsets and reversals cannot be seen.')
+    def symbols(self) -> dict[str, Any]:
+        sign = f'·tanh(v/{self.values["transition"]:.5g})^2'
+        return {**super().symbols(), 'shape': sign * (not self.values['offset'])}
 
     def fed_back(self) -> DirectionAsymmetry:
         # At rest, breakaway has its own two values.
         return DirectionAsymmetry({**self.parameters, 'offset': 0.0})
-
-    def describe(self) -> str:
-        a, b = self.coefficients
-        return (f'Direction: the positive direction needs {2 * a:+.3g} A {2 * b:+.3g} A per rad/s '
-                'more than the negative one')
-
-    def formula(self) -> str:
-        a, b = self.coefficients
-        shape = '' if self.values['offset'] else f'·tanh(v/{self.values["transition"]:.5g})^2'
-        return f'{a:+.5g}{shape} {b:+.5g}·|v|'
