@@ -109,13 +109,3 @@ def test_the_error_to_expect_of_averages_is_compared_with_that_of_averages():
     # Most of what a sample scatters is noise that averages do not have.
     assert rms(model.measured(samples) - model.predict(samples)) > 2.0 * model.recorded.error
     assert 'that refine expected' not in notes_on(model, samples)[1]
-
-
-def test_what_other_joints_do_is_a_cause_of_a_load_in_an_arm():
-    model = refine([recording(1)]).model
-    one = recording(2)
-    for arm, said in ((None, False), (JointStates(('a', 'b'), np.column_stack(
-            (one.position, np.sin(one.time)))), True)):
-        notes = notes_on(model, one.with_(current=one.current + 0.5, joint='a', arm=arm))[1]
-        assert 'the same everywhere' in notes
-        assert ('or what the other joints do' in notes) == said

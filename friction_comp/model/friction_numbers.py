@@ -32,7 +32,7 @@ _POINTS = 128
 # A transition so short, rad/s, that every speed of the line is beyond it.
 _SUDDEN = 1e-9
 # What friction of a sliding joint may depend on to be part of the line.
-_OF_SPEED = ('velocity', 'direction', 'history')
+OF_SPEED = ('velocity', 'direction', 'history')
 # Effects that the numbers hold, and those of the links and of what they touch.
 _HELD = ('inertia', 'hysteresis', 'backlash')
 LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
@@ -147,7 +147,7 @@ def line_of(model: FrictionModel) -> dict[str, float]:
 
 def is_of_speed(kind: type[Effect]) -> bool:
     """Return whether an effect is part of the line: friction that depends on speed alone."""
-    return (kind.role == RESISTS and kind.variable in _OF_SPEED and not kind.needs
+    return (kind.role == RESISTS and kind.variable in OF_SPEED and not kind.needs
             and not kind.fades_in_sliding and kind.holds_on_another_day)
 
 
@@ -192,11 +192,9 @@ def near_standstill(model: FrictionModel, coulomb: float) -> float | None:
 def breakaway_of(model: FrictionModel) -> dict[str, Any] | None:
     """Return breakaway by direction, and `friction` and `held`, which add up to them, A."""
     known = model.breakaway
-    if known is None:
-        return None
-    return {**{side: {what: getattr(known, f'{side}_{what}') for what in ('mean', 'std')}
-               for side in ('positive', 'negative')},
-            'friction': known.friction, 'held': known.held}
+    return None if known is None else {
+        **{side: {what: getattr(known, f'{side}_{what}') for what in ('mean', 'std')}
+           for side in ('positive', 'negative')}, 'friction': known.friction, 'held': known.held}
 
 
 def _with_load(model: FrictionModel, coulomb: float, rows: Samples) -> float | None:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import (
     friction_of,
@@ -22,6 +21,7 @@ from friction_comp.model.friction_numbers import (
     LINKS,
     motion_in_words,
     near_standstill,
+    OF_SPEED,
     speeds_of,
     states_of,
 )
@@ -41,17 +41,18 @@ KEYS = {
     'csv': {'offset': 'torque (N·m)'},
     'json': {name: name for name in ('coulomb', 'coulomb_with_load', 'viscous', 'offset', 'static',
                                      'transition', 'inertia', 'stiffness', 'rest')}}
+# Simulators take none below zero, and their ranges end there: one that draws from them would drive
+# the joint with less.
 _NEVER_NEGATIVE = ('coulomb', 'viscous', 'static', 'inertia', 'stiffness')
-# Speeds of a table over which friction changes its sign, in units of the transition; number of its
-# positions and loads, and the largest load, N·m, where none was recorded.
+# Speeds of a table over which friction changes its sign, in units of the transition.
 _TURNING = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0])
-_PLACES, _LOADS, _LOAD = 360, 9, 10.0
 
 
 @dataclass(frozen=True)
 class SimulatorJoint:
     """The numbers of a joint as torques in `unit`."""
 
+    form: str
     coulomb: float          # N·m, without load
     viscous: float          # N·m·s/rad
     offset: float           # N·m
@@ -65,15 +66,17 @@ class SimulatorJoint:
     motion: str             # in which sizes and losses hold
     static_is: str          # where the static friction is from
     left_out: list[str]     # what the form lacks, with its size or the reason
+    table: tuple[np.ndarray, np.ndarray]    # speeds, ascending, and friction at each, N·m
     # 95 % intervals by parameter, or of a population the range of further units.
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     ranges_are: str = ''    # what the ranges are
 
-    def torque(self, motion: Samples, form: str) -> np.ndarray:
-        """Return the torque of a form in a motion, N·m, shape (N,), with its inertia."""
-        keys, speed = KEYS[form], np.asarray(motion.velocity)
-        smooth = form in ('tanh', 'json')
-        sign = np.tanh(speed / self.transition) if smooth else np.sign(speed)
+    def torque(self, motion: Samples) -> np.ndarray:
+        """Return the torque of the form in a motion, N·m, shape (N,), with its inertia."""
+        keys, speed = KEYS[self.form], np.asarray(motion.velocity)
+        if self.form == 'csv':
+            return np.interp(speed, *self.table)
+        sign = np.tanh(speed / self.transition) if self.form in ('tanh', 'json') else np.sign(speed)
         torque = self.coulomb * sign + self.viscous * speed + self.offset * ('offset' in keys)
         if self.inertia and 'inertia' in keys and motion.acceleration is not None:
             torque = torque + self.inertia * motion.acceleration
@@ -82,8 +85,7 @@ class SimulatorJoint:
     def passive(self) -> SimulatorJoint:
         """Return the joint without negative numbers, which no simulator takes; `left_out` says so.
 
-        Viscous friction is negative where friction falls with the speed. Ranges end at zero: a
-        simulator that draws from them would drive the joint with less.
+        Viscous friction is negative where friction falls with the speed.
         """
         least = {name: 0.0 for name in ('coulomb', 'viscous', 'stiffness')
                  if getattr(self, name) < 0.0}
@@ -113,36 +115,44 @@ def torque_per_unit(model: FrictionModel) -> float:
 def simulator_joint(model: FrictionModel, form: str) -> SimulatorJoint:
     """Return the numbers of a model for a form; raises InputError as `torque_per_unit`."""
     gain, numbers = torque_per_unit(model), friction_of(model)
-    unit = 'N' if model.is_linear else 'N·m'
     springs = [effect for effect in model.effects if effect.name == 'spring']
-    own = {name: value for name in (*LINE, 'inertia')
-           if (value := getattr(numbers, name)) is not None}
-    ranges, ranges_are = _ranges(model, numbers, own)
     static, static_is, ends = _static(model, numbers.coulomb)
+    ranges, ranges_are = _ranges(model, numbers)
     # Units of a fleet do not vary by the interval of one.
     if ends and 'range_of_units' not in model.notes:
         ranges['static'] = ends
+    found = {'coulomb': numbers.coulomb, 'viscous': numbers.viscous, 'static': static,
+             'offset': numbers.offset or 0.0, 'inertia': numbers.inertia,
+             'stiffness': sum(effect.coefficients[0] for effect in springs),
+             'coulomb_with_load': numbers.coulomb_with_load}
+    torques = {name: None if value is None else gain * value for name, value in found.items()}
     return SimulatorJoint(
-        motion=motion_in_words(model), coulomb=gain * numbers.coulomb,
-        viscous=gain * numbers.viscous, offset=gain * (numbers.offset or 0.0),
-        static=gain * static, static_is=static_is, transition=numbers.transition,
-        inertia=None if numbers.inertia is None else gain * numbers.inertia,
-        stiffness=gain * sum(effect.coefficients[0] for effect in springs),
-        rest=springs[0].values['position'] if springs else 0.0,
-        coulomb_with_load=(None if numbers.coulomb_with_load is None
-                           else gain * numbers.coulomb_with_load),
-        unit=unit, left_out=_left_out(model, numbers, form),
+        form, **torques,  # type: ignore[arg-type]
+        transition=numbers.transition, rest=springs[0].values['position'] if springs else 0.0,
+        motion=motion_in_words(model), unit='N' if model.is_linear else 'N·m', static_is=static_is,
+        left_out=_left_out(model, numbers, form), table=_table(model, gain),
         ranges={name: (gain * low, gain * high) for name, (low, high) in ranges.items()},
         ranges_are=ranges_are)
+
+
+def _table(model: FrictionModel, gain: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return speeds in both directions, rad/s, ascending, and friction at each, N·m."""
+    slow = _TURNING * 2.0 / model.sigmoid.steepness
+    speeds = np.union1d(speeds_of(model), slow[slow < speeds_of(model).max()])
+    v = np.concatenate((-speeds[::-1], speeds))
+    kept = [effect for effect in model.effects if effect.variable in OF_SPEED
+            and not effect.needs and not (effect.has_memory and effect.fades_in_sliding)]
+    states = Samples(time=0.0 * v, position=0.0 * v, current=0.0 * v, velocity=v)
+    return v, gain * replace(model, effects=kept, arm=None).current(states, sliding=True)
 
 
 def _left_out(model: FrictionModel, numbers: FrictionNumbers, form: str) -> list[str]:
     """Return what a form lacks of a model, with its size in the recorded motion."""
     keys, gain, motion, lines = KEYS[form], torque_per_unit(model), motion_in_words(model), []
     unit = 'N' if model.is_linear else 'N·m'
-    held = {effect.name for effect in model.effects if _in_table(effect)} if form == 'csv' else {
-        'spring'} if 'stiffness' in keys else set()
-    if numbers.coulomb_with_load is not None and form != 'csv':
+    held = {effect.name for effect in model.effects if effect.variable in OF_SPEED
+            } if form == 'csv' else {'spring'} if 'stiffness' in keys else set()
+    if numbers.coulomb_with_load is not None:
         lines.append('friction by load: Coulomb friction here is without load; its mean with load '
                      f'is {gain * numbers.coulomb_with_load:.4g} {unit} in {motion}')
     if 'offset' not in keys and numbers.offset:
@@ -161,7 +171,7 @@ def _left_out(model: FrictionModel, numbers: FrictionNumbers, form: str) -> list
     return lines
 
 
-def _ranges(model: FrictionModel, numbers: FrictionNumbers, own: dict[str, float]
+def _ranges(model: FrictionModel, numbers: FrictionNumbers
             ) -> tuple[dict[str, tuple[float, float]], str]:
     """Return ranges of numbers in the model's unit, by name, and what they are."""
     units = model.notes.get('range_of_units', {})
@@ -169,9 +179,10 @@ def _ranges(model: FrictionModel, numbers: FrictionNumbers, own: dict[str, float
         found = {name: (ends[0], ends[1]) for name, ends in numbers.intervals.items()}
         return found, '95 % intervals of the fit' if found else ''
     # Effects that bend the straight line do not vary with it.
-    straight = {**dict(zip(LINE, model.sigmoid.line)), 'inertia': own.get('inertia', 0.0)}
-    return {name: (value + units[name][0] - straight[name], value + units[name][1] - straight[name])
-            for name, value in own.items() if name in units}, (
+    bent = {name: getattr(numbers, name) - value for name, value in zip(LINE, model.sigmoid.line)
+            if getattr(numbers, name) is not None}
+    return {name: (bent.get(name, 0.0) + low, bent.get(name, 0.0) + high)
+            for name, (low, high) in units.items() if name in bent or name == 'inertia'}, (
         f'where 95 % of further units lie, from {model.notes["units"]} units of a fleet')
 
 
@@ -194,70 +205,17 @@ def _static(model: FrictionModel, coulomb: float
     return max(value, coulomb), 'Coulomb with Stribeck friction', own
 
 
-@dataclass(frozen=True)
-class Loss:
-    """The torque that a form misses of a model in the recorded motion."""
+def loss_of(model: FrictionModel, joint: SimulatorJoint) -> tuple[float, float]:
+    """Return what a form misses of the model's torque without links, where the joint slides.
 
-    torque: float       # RMS, N·m
-    share: float        # of the RMS of the model's torque
-
-
-def loss_of(model: FrictionModel, joint: SimulatorJoint | FrictionTable, form: str) -> Loss:
-    """Return what a form misses of the model's torque without links, where the joint slides."""
-    motion, gain = states_of(model), torque_per_unit(model)
+    It is the RMS torque, N·m, and its share of the RMS of the model's torque.
+    """
+    motion = states_of(model)
     kept = [effect for effect in model.effects if effect.name not in LINKS
-            and (effect.name != 'inertia' or form not in ('tanh', 'csv'))
+            and (effect.name != 'inertia' or joint.form not in ('tanh', 'csv'))
             and effect.holds_on_another_day
             and all(getattr(motion, name) is not None for name in effect.needs)]
-    torque = gain * replace(model, arm=None, effects=kept).current(motion, sliding=True)
-    size, error = rms(torque), rms(torque - joint.torque(motion, form))
-    return Loss(error, error / size if size else 0.0)
-
-
-@dataclass(frozen=True)
-class FrictionTable:
-    """Friction torque over speed, position and load, without weight, spring and inertia."""
-
-    names = ('velocity (rad/s)', 'position (rad)', 'load (N·m)', 'torque (N·m)')
-    axes: tuple[np.ndarray, ...]    # speeds (S,), positions (P,) and loads (L,), ascending
-    values: np.ndarray              # (S, P, L), N·m
-
-    @classmethod
-    def of(cls, model: FrictionModel) -> FrictionTable:
-        """Return a model's table, over the recorded positions and loads if these matter."""
-        gain, motion = torque_per_unit(model), states_of(model)
-        kept = [effect for effect in model.effects if _in_table(effect)]
-        slow = _TURNING * 2.0 / model.sigmoid.steepness
-        speeds = np.union1d(speeds_of(model), slow[slow < speeds_of(model).max()])
-        speeds = np.concatenate((-speeds[::-1], speeds))
-        by_position = any('position' in effect.reads() for effect in kept)
-        positions = np.linspace(motion.position.min(), motion.position.max(), _PLACES) if (
-            by_position) else np.zeros(1)
-        ranges = model.recorded.ranges if model.recorded else {}
-        loads = np.unique(np.linspace(*ranges.get('load', (-_LOAD, _LOAD)), _LOADS)) if any(
-            'load' in effect.needs for effect in kept) else np.zeros(1)
-        v, q, load = (one.ravel() for one in np.meshgrid(speeds, positions, loads, indexing='ij'))
-        friction = replace(model, effects=kept, arm=None).current(Samples(
-            time=0.0 * v, position=q, current=0.0 * v, velocity=v, load=load, acceleration=0.0 * v,
-            ), sliding=True)
-        return cls((speeds, positions, loads),
-                   gain * friction.reshape(len(speeds), len(positions), len(loads)))
-
-    @property
-    def rows(self) -> np.ndarray:
-        """The rows of the table in the order of `names`, (N, 4)."""
-        grid = np.meshgrid(*self.axes, indexing='ij')
-        return np.column_stack([one.ravel() for one in (*grid, self.values)])
-
-    def torque(self, motion: Samples, form: str = 'csv') -> np.ndarray:
-        """Return the torque in a motion, N·m, shape (N,): linear between the rows."""
-        load = np.zeros(len(motion)) if motion.load is None else motion.load
-        signals = np.asarray(motion.velocity), motion.position, load
-        weights = [np.array([np.interp(signal, axis, one) for one in np.eye(len(axis))])
-                   for signal, axis in zip(signals, self.axes)]
-        return np.asarray(np.einsum('sn,pn,ln,spl->n', *weights, self.values, optimize=True))
-
-
-def _in_table(effect: Effect) -> bool:
-    return (effect.name not in (*LINKS, 'inertia', 'spring') and effect.holds_on_another_day
-            and set(effect.needs) <= {'load'})
+    torque = torque_per_unit(model) * replace(model, arm=None, effects=kept).current(
+        motion, sliding=True)
+    size, error = rms(torque), rms(torque - joint.torque(motion))
+    return error, error / size if size else 0.0

@@ -23,7 +23,7 @@ from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.model.simulator_joint import Loss, SimulatorJoint
+    from friction_comp.model.simulator_joint import SimulatorJoint
 
 _FORMS = ('mujoco', 'urdf', 'sdf', 'csv', 'tanh', 'isaac', 'json')
 # Share of the torque below which what is missed is a rounding error.
@@ -75,19 +75,18 @@ def _write_joint(arguments: Namespace, model: FrictionModel) -> int:
 
 def _write_table(arguments: Namespace, model: FrictionModel) -> int:
     from friction_comp.model.motor_check import cautions
-    from friction_comp.model.simulator_joint import FrictionTable, loss_of, simulator_joint
+    from friction_comp.model.simulator_joint import loss_of, simulator_joint
 
     if arguments.without_inertia:
         raise InputError('--without-inertia does not go with --to csv, which has none')
     if arguments.joint and 'joints' not in read_yaml(arguments.model):
         raise InputError('--joint is the name of the joint in the file: a table has none')
-    joint, table = simulator_joint(model, 'csv'), FrictionTable.of(model)
-    rows = table.rows
+    joint = simulator_joint(model, 'csv')
+    names = in_own_units(('velocity (rad/s)', 'torque (N·m)'), model.is_linear)
     write_atomically(arguments.output, '\n'.join([
-        ','.join(in_own_units(table.names, model.is_linear)),
-        *(','.join(f'{value:.6g}' for value in row) for row in rows)]) + '\n')
-    print(f'{arguments.output}: {len(rows)} rows')
-    for line in [_missed(loss_of(model, table, 'csv'), joint),
+        ','.join(names), *(f'{v:.6g},{torque:.6g}' for v, torque in zip(*joint.table))]) + '\n')
+    print(f'{arguments.output}: {len(joint.table[0])} rows')
+    for line in [_missed(*loss_of(model, joint), joint),
                  *(f'Not in it: {line}' for line in joint.left_out), *cautions(model)]:
         print(f'  {in_own_units(line, model.is_linear)}')
     return 0
@@ -108,7 +107,7 @@ def _remarks(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) 
             lines.append(f'The inertia is of {inertia_holds(model)}')
         elif not arguments.without_inertia:
             lines.append('No inertia: the model has none')
-    lines.append(_missed(loss_of(model, joint, form), joint))
+    lines.append(_missed(*loss_of(model, joint), joint))
     if form == 'isaac':
         lines.append(f'Static friction: {joint.static_is}')
     lines += [f'Range for randomisation: {key} {low:.4g} to {high:.4g}'
@@ -126,11 +125,11 @@ def _percent(share: float) -> str:
     return f'{100.0 * share:.2g} %' if share < 0.995 else f'{100.0 * share:.0f} %'
 
 
-def _missed(loss: Loss, joint: SimulatorJoint) -> str:
-    if loss.share < _NOTHING:
+def _missed(torque: float, share: float, joint: SimulatorJoint) -> str:
+    if share < _NOTHING:
         return f'This form misses nothing of the model without the links, in {joint.motion}'
-    return (f'This form misses the model by {loss.torque:.3g} {joint.unit} RMS, '
-            f'{_percent(loss.share)} of its torque without the links, in {joint.motion}')
+    return (f'This form misses the model by {torque:.3g} {joint.unit} RMS, '
+            f'{_percent(share)} of its torque without the links, in {joint.motion}')
 
 
 def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:

@@ -88,7 +88,6 @@ def main(argv: list[str] | None = None) -> int:
 def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
              predicted: np.ndarray) -> tuple[list[str], list[str]]:
     """Return the errors in words, and remarks on where the model cannot be believed."""
-    from friction_comp.model.friction_change import recorded_change
     from friction_comp.model.measured import LARGER
     from friction_comp.refinement.recorded_motion import moving
     from friction_comp.statistics import rms
@@ -111,11 +110,9 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
                            'the model does not hold for this recording')
         if known is not None and known.error and (
                 error := _as_fitted(samples, residual, moves, known)) > LARGER * known.error:
-            change = recorded_change(model, residual, moved, moves)
             remarks.append(f'where the joint moves, the error is {error / known.error:.2g} '
                            f'times the {known.error:.4g} {unit} that refine expected in other '
-                           'movements: ' + ('; '.join(change.causes(unit)) or 'the model does not '
-                                            'describe all of this recording'))
+                           'movements: the model does not describe all of this recording')
     if known is not None:
         remarks += [in_own_units(note, model.is_linear) for note in known.beyond(
             moved.take(moves), model.effects, model.is_linear, model.drive.torque_per_current)]

@@ -14,8 +14,6 @@ import math
 
 import numpy as np
 
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Recorded
 from friction_comp.number_text import quantity
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
@@ -50,8 +48,6 @@ class FrictionChange:
     whole: float = 0.0
     # Whether the joint moved in one direction only, so that an offset counts as friction.
     one_way: bool = False
-    # Whether other joints were recorded whose links load this one in a way that no URDF tells.
-    in_arm: bool = False
 
     @property
     def level(self) -> float:
@@ -75,23 +71,8 @@ class FrictionChange:
             varies = float(np.var(self.load)) > _VARIES * size ** 2
             found.append(f'a load of {quantity(size, unit)} is not in the model, ' + (
                 'which varies with position: a weight or a spring' if varies else
-                'the same everywhere: an offset of the sensor or a weight')
-                + ', or what the other joints do' * self.in_arm)
+                'the same everywhere: an offset of the sensor or a weight'))
         return found
-
-
-def recorded_change(model: FrictionModel, residual: np.ndarray, samples: Samples,
-                    slides: np.ndarray) -> FrictionChange:
-    """Return what has changed in another recording than those the model was made of.
-
-    `samples` have what the model's effects need; of these and their `residual`, (N,), those count
-    where the joint `slides`, bool, (N,).
-    """
-    predicted, friction = model.on_another_day().parts(samples)
-    moved = samples.take(slides)
-    return friction_change(
-        residual[slides], predicted[slides], friction[slides], moved,
-        (model.recorded or Recorded()).error_at(np.abs(np.asarray(moved.velocity))))
 
 
 def friction_change(residual: np.ndarray, predicted: np.ndarray, friction: np.ndarray,
@@ -124,5 +105,4 @@ def friction_change(residual: np.ndarray, predicted: np.ndarray, friction: np.nd
                 <= rms(rest) ** 2 + _AS_GOOD * rms(residual) ** 2)
     return FrictionChange(
         float(fit[0]), math.hypot(chance, 0.5 * model_error / float(scale[0])), parts[:, 0],
-        parts[:, 2:].sum(axis=1), parts[:, 1], residual, whole * is_whole, one_way,
-        samples.rigid_body is None and samples.arm is not None and len(samples.arm.joints) > 1)
+        parts[:, 2:].sum(axis=1), parts[:, 1], residual, whole * is_whole, one_way)
