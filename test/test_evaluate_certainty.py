@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from friction_comp.evaluation.compare import compare, mean_interval, share_interval
+from friction_comp.evaluation.compare import compare, mean_interval
 from friction_comp.evaluation.conditions import MeasuredJoint
 from friction_comp.evaluation.repetitions import Compensation, Movement, Repetition
 from friction_comp.reports.evaluation_page import verdict
@@ -36,7 +36,7 @@ def session(order, random, help=0.0, drift=0.0, alike=0.0, day=0, scatter=0.15, 
         torque = (1.0 + 0.1 * sign + drift * k / count) * (1.0 - help * is_helped)
         found.append(Repetition(
             f'{day}', 1e9 + DAY * day, f'2026-03-{day + 1:02}', movement, condition,
-            {'peak_torque': torque + scatter * noise[k]}, True, False, False, place=k + 1000 * day))
+            {'peak_torque': torque + scatter * noise[k]}, True, False, place=k + 1000 * day))
     return found
 
 
@@ -183,10 +183,3 @@ def test_a_direction_that_no_law_hears_is_no_second_way_to_do_without():
     evaluation = judged(repetitions)
     assert evaluation.pair() == (PLAIN, HELPED)
     assert 'is not known' not in verdict(evaluation)
-
-
-def test_a_single_value_and_a_share_have_the_intervals_they_can_have():
-    assert mean_interval([2.0]).low is None
-    share = share_interval(0, 10)
-    assert (share.mean, share.low) == (0.0, pytest.approx(0.0, abs=1e-12))
-    assert 0.2 < share.high < 0.35

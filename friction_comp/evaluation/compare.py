@@ -68,15 +68,6 @@ def mean_interval(values: Sequence[float], order: Sequence[float] | None = None)
     return Interval(mean, mean - half, mean + half, count)
 
 
-def share_interval(hits: int, count: int) -> Interval:
-    """Return the share of hits in `count` with Wilson's interval (1927)."""
-    share, z = hits / count, float(student_quantile(1e6))
-    middle, width = share + z * z / (2 * count), 1.0 + z * z / count
-    half = z * math.sqrt(share * (1.0 - share) / count + z * z / (4 * count * count))
-    return Interval(share, max((middle - half) / width, 0.0), min((middle + half) / width, 1.0),
-                    count)
-
-
 def standard_error(values: np.ndarray, columns: np.ndarray, place: np.ndarray, scatter: np.ndarray
                    ) -> float:
     """Return the standard error of the first coefficient of a least-squares fit.

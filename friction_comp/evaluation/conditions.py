@@ -21,13 +21,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.evaluation.compare import (
-    compare,
-    Comparison,
-    Interval,
-    mean_interval,
-    share_interval,
-)
+from friction_comp.evaluation.compare import compare, Comparison, Interval, mean_interval
 from friction_comp.evaluation.repetitions import (
     Compensation,
     curve_times,
@@ -75,7 +69,6 @@ class Condition:
     mean_torque_constant_velocity: float  # negative where the joint pulls the person along
     false_starts: int  # number of repetitions in which it started without being pushed
     figures: dict[str, Interval]  # means over the repetitions, by `FIGURES`
-    false_start_share: Interval
     # Each (N,): s since the start of the movement; means and standard deviations, N·m and rad.
     time: np.ndarray
     torque: np.ndarray
@@ -96,8 +89,7 @@ class Condition:
         return {
             **named, 'law': self.compensation.law or None, 'model': self.compensation.model or None,
             'settings': self.compensation.settings or None,
-            'figures': {name: value.as_dict() for name, value in self.figures.items()},
-            'false_start_share': self.false_start_share.as_dict()}
+            'figures': {name: value.as_dict() for name, value in self.figures.items()}}
 
 
 @dataclass
@@ -209,25 +201,11 @@ def repetitions_csv(evaluations: Sequence[Evaluation]) -> str:
 def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
              model: str | None = None, about: Sequence[RecordingInfo] | None = None,
              friction: FrictionModel | None = None) -> Evaluation:
-    """Evaluate trials of one joint.
+    """Evaluate trials of one joint; repetitions under the same condition are averaged.
 
-    Parameters
-    ----------
-    recordings : list of Samples
-        Repetitions under the same condition are averaged.
-    names : list of str, optional
-        Names of the recordings in messages.
-    model : str, optional
-        The model file that was active.
-    about : list of RecordingInfo, optional
-        The info of each recording from `read_recording_with_info`, with active laws and models.
-    friction : FrictionModel, optional
-        A model from which the current that a movement needs beyond the commanded one is computed.
-
-    Raises
-    ------
-    InputError
-        If no movement is found.
+    `names` of the recordings are for messages, `model` is the file that was active, and `about` the
+    info of each recording, with active laws and models. `friction` tells the current that a
+    movement needs beyond the commanded one. Raises InputError if no movement is found.
     """
     names = [str(name) for name in names or [f'recording {k}' for k in range(len(recordings))]]
     if not recordings:
@@ -335,7 +313,7 @@ class MeasuredJoint:
                    in_order_of_time.index(r.compensation), -r.movement.sign, r.movement.direction)
             groups.setdefault(key, []).append(r)
         kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
-        conditions = [_condition(group, notes) for group in kept]
+        conditions = [_condition(group) for group in kept]
         notes += _reversed_torque(conditions)
         all_kept = sorted((r for group in kept for r in group), key=lambda r: (r.day, r.place))
         return Evaluation(self.joint, conditions, model, repetitions, compare(all_kept), notes)
@@ -364,12 +342,8 @@ def _without_odd_durations(repetitions: list[Repetition], notes: list[str]) -> l
     return kept or repetitions
 
 
-def _condition(repetitions: list[Repetition], notes: list[str]) -> Condition:
-    first, restless = repetitions[0], sum(r.restless for r in repetitions)
-    if restless:
-        notes.append(
-            f'the joint did not come to rest before {restless} of {len(repetitions)} movements '
-            f'with {first.compensation.label} in the {NAMES[first.movement.sign]} direction')
+def _condition(repetitions: list[Repetition]) -> Condition:
+    first = repetitions[0]
     time = curve_times(float(np.median([r.shown_time for r in repetitions])))
     curves = {name: np.array([_at(r.curves.get(name), len(time)) for r in repetitions])
               for name in ('load', 'position', 'reference_position')}
@@ -383,7 +357,6 @@ def _condition(repetitions: list[Repetition], notes: list[str]) -> Condition:
     moves = (time >= 0.0) & (time <= np.median([r.duration for r in repetitions]))
     loads = curves['load'][:, moves]
     peaks = [r.figures['peak_torque'] for r in repetitions if 'peak_torque' in r.figures]
-    starts = sum(r.false_start for r in repetitions)
     return Condition(
         compensation=first.compensation, direction=first.movement.direction,
         movement=NAMES[first.movement.sign], repetitions=len(repetitions),
@@ -393,10 +366,10 @@ def _condition(repetitions: list[Repetition], notes: list[str]) -> Condition:
         mean_torque_constant_velocity=average.get('constant_velocity_torque', math.nan),
         peak_torque_std=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else (
             0.0 if peaks else math.nan),
-        rms_torque=rms(loads[np.isfinite(loads)]), false_starts=starts,
+        rms_torque=rms(loads[np.isfinite(loads)]),
+        false_starts=sum(r.false_start for r in repetitions),
         figures={name: mean_interval([r.figures[name] for r in known], [r.place for r in known])
                  for name in FIGURES if (known := [r for r in repetitions if name in r.figures])},
-        false_start_share=share_interval(starts, len(repetitions)),
         time=time, torque=torque, torque_std=torque_std,
         position=position, position_std=position_std,
         reference=reference if np.isfinite(curves['reference_position']).all() else None)

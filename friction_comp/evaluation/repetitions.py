@@ -194,7 +194,6 @@ class Repetition:
     moved: bool
     # Whether the joint started during the standstill, as far as known without being pushed.
     false_start: bool
-    restless: bool  # whether the joint oscillated before the movement
     place: int = 0  # in order of time among all movements, those of other days far away
     # 'load', 'position' and 'reference_position', where recorded, at `curve_times`; NaN beyond the
     # recording and before the standstill.
@@ -243,8 +242,7 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
         compensation=_missing(samples, movement, onset) or _active_compensation(
             samples, movement, info, onset, moved),
         figures={key: value for key, value in figures.items() if np.isfinite(value)}, moved=moved,
-        false_start=_is_false_start(samples, movement, figures.get('peak_torque')),
-        restless=_is_restless(samples, movement))
+        false_start=_is_false_start(samples, movement, figures.get('peak_torque')))
     repetition.curves = _curves(samples, movement, repetition.shown_time)
     return repetition
 
@@ -381,12 +379,6 @@ def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str
             curves[name] = np.where(known & (time >= movement.rest_begin), curve, np.nan).astype(
                 np.float32)
     return curves
-
-
-def _is_restless(samples: Samples, movement: Movement) -> bool:
-    part = _between(samples.time, movement.earliest, movement.begin)
-    travelled = np.abs(np.diff(samples.position[part])).sum()
-    return bool(travelled > 2.0 * _START_SHARE * movement.travel)
 
 
 def _is_false_start(samples: Samples, movement: Movement, peak: float | None) -> bool:
