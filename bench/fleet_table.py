@@ -92,7 +92,7 @@ def fleet_values(rng, truth, per_unit):
     values = values + error * rng.standard_normal(len(unit))
     told = error * np.sqrt(rng.chisquare(15, len(unit)) / 15)
     means = np.bincount(unit, values) / per_unit
-    return means, units_from_recordings(values, told, unit, 15)
+    return means, units_from_recordings(values, told, unit)
 
 
 def main():

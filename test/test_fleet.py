@@ -115,7 +115,7 @@ def test_odd_units_do_not_hide_each_other_and_a_clean_fleet_has_none():
     alarms = 0
     for _ in range(60):
         value, error = rng.standard_normal(30), np.full(30, 0.3)
-        units = Values(value + error * rng.standard_normal(30), error, np.full(30, 15.0))
+        units = Values(value + error * rng.standard_normal(30), error)
         alarms += spread_of(units).out.any()
     assert alarms <= 8
     # Three at the same place shift mean and spread so far that none of them is extreme alone.
@@ -129,7 +129,7 @@ def test_what_differs_from_day_to_day_is_no_spread_between_units():
     rng = np.random.default_rng(5)
     unit = np.repeat(np.arange(20), 4)
     values = 1.0 + 0.5 * rng.standard_normal(80)
-    units = units_from_recordings(values, np.full(80, 0.01), unit, 15.0)
+    units = units_from_recordings(values, np.full(80, 0.01), unit)
     assert units.error == pytest.approx(np.full(20, 0.25), rel=0.25)
     spread = spread_of(units)
     assert spread.interval[0] == 0.0
@@ -145,14 +145,13 @@ def test_workers_send_sums_whose_size_does_not_depend_on_the_recording(model):
 
 
 def test_an_effect_is_common_if_half_of_the_recordings_show_it(model):
-    ripple = [replace(model, effects=[*model.effects, EFFECTS['friction_ripple'](
-        {'frequency': k, 'growth': 0.0, 'speed': 1.0, 'transition': 0.02,
-         'coefficients': [0.1, 0.1]})]) for k in (23.9, 24.0, 24.1, 60.0)]
-    common = CommonModel.of([*ripple, model, model])
-    assert [(term.kind.name, term.constants.get('frequency')) for term in common.terms] == [
-        ('inertia', None), ('friction_ripple', 24.0)]
-    assert [one.name for one in common.compared()][-1].startswith('friction ripple of 24')
-
-
+    fading = [replace(model, effects=[*model.effects, EFFECTS['stribeck']({
+        'velocity': v, 'exponent': 1.0, 'transition': 0.02, 'coefficients': [0.1]})])
+        for v in (0.1, 0.2, 0.9)]
+    common = CommonModel.of([*fading, model, model, model])
+    assert [(term.kind.name, term.constants.get('velocity')) for term in common.terms] == [
+        ('inertia', None), ('stribeck', 0.2)]
+    assert [one.name for one in common.compared()][-1] == 'stribeck'
+    assert len(CommonModel.of([fading[0], model, model]).terms) == 1
     with pytest.raises(InputError, match='3 units are too few'):
         fleet(model, 3, {})

@@ -149,22 +149,23 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
     # The error's own error is that of most recordings: a bump that is met in a few blocks makes
     # these large, and would hide itself behind the scatter of the blocks.
     rms = np.array([fit.rms for fit in fits])
-    compared = [*((one, *_values(fits, common, one.columns)) for one in common.compared()),
-                (Compared(ERROR, 'A', (), True),
+    values = np.array([fit.values for fit in fits])
+    errors = np.sqrt([np.diag(fit.errors) for fit in fits])
+    compared = [*((one, values[:, one.column], errors[:, one.column])
+                  for one in common.compared()),
+                (Compared(ERROR, 'A', -1, True),
                  rms, rms * float(np.median([fit.rms_error for fit in fits])))]
     # Leave out what no recording shows, such as an offset in motion to one side.
     compared = [entry for entry in compared if entry[2].all()]
-    parameters = [_parameter(one, unit, values, errors, units_of, fits[0].freedom,
-                             tests * len(compared)) for one, values, errors in compared]
+    parameters = [_parameter(*entry, unit, units_of, fits[0].freedom, tests * len(compared))
+                  for entry in compared]
     most = _LARGER_ERROR * parameters[-1].mean
     parameters[-1] = replace(parameters[-1], units=[
         replace(value, out=value.out and value.value > most) for value in parameters[-1].units])
     out = np.array([any(one.units[k].out for one in parameters) for k in range(len(names))])
-    # Where a ripple begins differs from unit to unit: of several columns, any phase will do.
-    means = np.median([fit.values for fit, k in zip(fits, index) if not out[k]], axis=0)
-    for (one, _, _), parameter in zip(compared, parameters):
-        if len(one.columns) == 1:
-            means[common.columns.index(one.columns[0])] = parameter.mean
+    means = np.median(values[~out[index]], axis=0)
+    for (one, _, _), parameter in zip(compared[:-1], parameters):
+        means[one.column] = parameter.mean
     model = replace(common.model(means, like), notes={
         'units': int(len(names) - out.sum()), 'unit': unit, 'range_of_units': {
             parameter.name: list(parameter.range) for parameter in parameters}})
@@ -173,22 +174,7 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
         parameters=parameters, model=model)
 
 
-def _values(fits: Sequence[_Estimate], common: CommonModel, columns: tuple[int, ...]
-            ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the coefficient of a column in each recording, of several the length of the vector.
-
-    With it its standard error, of a vector that along it.
-    """
-    where = [common.columns.index(column) for column in columns]
-    part = np.array([fit.values[where] for fit in fits])
-    size = part[:, 0] if len(where) == 1 else np.sqrt(np.sum(part ** 2, axis=1))
-    along = part / np.maximum(np.abs(size), 1e-300)[:, None]
-    inner = np.ix_(where, where)
-    errors = np.array([a @ fit.errors[inner] @ a for a, fit in zip(along, fits)])
-    return size, np.sqrt(np.maximum(errors, 0.0))
-
-
-def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
+def _parameter(one: Compared, values: np.ndarray, errors: np.ndarray, unit: str,
                units_of: Sequence[str], freedom: float, tests: int) -> ParameterSpread:
     """Return the spread of a parameter from its values in all recordings, of `units_of`."""
     names, index = np.unique(units_of, return_inverse=True)
@@ -201,9 +187,9 @@ def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
 
     def ends(middle: float, half: float) -> tuple[float, float]:
         return float(back(middle - half)), float(back(middle + half))
-    units = units_from_recordings(values, errors, index, freedom)
+    units = units_from_recordings(values, errors, index)
     spread = spread_of(units, tests)
-    half, counts = student_quantile(units.freedom) * units.error, np.bincount(index)
+    half, counts = float(student_quantile(freedom)) * units.error, np.bincount(index)
     mean_half = float(student_quantile(int((~spread.out).sum()) - 1)) * spread.mean_error
     return ParameterSpread(
         name=one.name, unit=one.unit.replace('A', unit, 1),
@@ -222,12 +208,6 @@ class Values:
 
     value: np.ndarray  # (N,)
     error: np.ndarray  # (N,): of measurement, from recording to recording included
-    freedom: np.ndarray  # (N,): degrees of freedom of the error
-
-    @property
-    def variance(self) -> np.ndarray:
-        """Variances of measurement whose inverse is unbiased, (N,)."""
-        return self.error ** 2 * self.freedom / np.maximum(self.freedom - 2.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -248,14 +228,13 @@ class Spread:
         return float(student_quantile(freedom)) * math.hypot(self.deviation, self.mean_error)
 
 
-def units_from_recordings(values: np.ndarray, errors: np.ndarray, unit: np.ndarray,
-                          freedom: float) -> Values:
+def units_from_recordings(values: np.ndarray, errors: np.ndarray, unit: np.ndarray) -> Values:
     """Return the value of each unit from those of its recordings, all of shape (R,).
 
-    `errors` are standard errors, with `freedom` degrees of freedom each, and `unit` is the index of
-    each recording's unit. How much a unit's recordings differ beyond their errors, for instance
-    because of temperature, is assumed to be the same for all units. Where no unit has several
-    recordings, it is part of the spread between units.
+    `errors` are standard errors, and `unit` is the index of each recording's unit. How much a
+    unit's recordings differ beyond their errors, for instance because of temperature, is assumed to
+    be the same for all units. Where no unit has several recordings, it is part of the spread
+    between units.
     """
     count, repeated = int(unit.max()) + 1, len(values) - len(np.unique(unit))
 
@@ -268,13 +247,7 @@ def units_from_recordings(values: np.ndarray, errors: np.ndarray, unit: np.ndarr
         return float(np.sum((values - means(variance)[0][unit]) ** 2 / variance)) - repeated
     day = _root(excess, values) if repeated else 0.0
     middle, weights = means(day + errors ** 2)
-    # Welch and Satterthwaite, for the sum of a variance of the day and one of measurement.
-    own = errors ** 2
-    parts = day ** 2 / max(repeated, 1) + own ** 2 / freedom
-    share = np.bincount(unit, parts, count) / np.bincount(unit, (day + own) ** 2, count)
-    # The variance of the day is common to all units: more recordings of one tell no more of it.
-    recordings = np.ones(count) if day > 0.0 else np.bincount(unit, minlength=count)
-    return Values(middle, 1.0 / np.sqrt(weights), recordings / np.maximum(share, _TINY))
+    return Values(middle, 1.0 / np.sqrt(weights))
 
 
 def spread_of(units: Values, tests: int = 1) -> Spread:
@@ -291,7 +264,7 @@ def spread_of(units: Values, tests: int = 1) -> Spread:
     for k in range(int(_LARGEST_SHARE * size)):
         mean, _, variance = _population(units, inside)
         index = int(np.argmax(np.where(
-            inside, (units.value - mean) ** 2 / (units.variance + variance + _TINY), -1.0)))
+            inside, (units.value - mean) ** 2 / (units.error ** 2 + variance + _TINY), -1.0)))
         inside[index] = False
         removed.append(index)
         if _p_outside(units, inside, index) * (size - k) < (1.0 - CONFIDENCE) / tests:
@@ -322,7 +295,7 @@ def _weighted_squares(value: np.ndarray, variance: np.ndarray) -> float:
 
 def _population(units: Values, chosen: np.ndarray) -> tuple[float, float, float]:
     """Return mean, its standard error, and variance between units, after Paule and Mandel."""
-    value, own = units.value[chosen], units.variance[chosen]
+    value, own = units.value[chosen], units.error[chosen] ** 2
     between = _root(lambda variance: _weighted_squares(value, own + variance) - (len(value) - 1),
                     value)
     weights = 1.0 / (own + between)
@@ -333,7 +306,7 @@ def _profile(units: Values, chosen: np.ndarray) -> tuple[float, float]:
     """Return the interval of the standard deviation between the chosen units."""
     from scipy.special import chdtri
 
-    value, own = units.value[chosen], units.variance[chosen]
+    value, own = units.value[chosen], units.error[chosen] ** 2
 
     def end(share: float) -> float:
         limit = float(chdtri(len(value) - 1, share))
@@ -343,13 +316,7 @@ def _profile(units: Values, chosen: np.ndarray) -> tuple[float, float]:
 
 
 def _p_outside(units: Values, chosen: np.ndarray, index: int) -> float:
-    """Return the probability of a unit's deviation from the population of the chosen others.
-
-    Its degrees of freedom are those of the variance between units plus the unit's own.
-    """
+    """Return the probability of a unit's deviation from the population of the chosen others."""
     mean, error, between = _population(units, chosen)
-    own = units.variance
-    total = own[index] + between + error ** 2 + _TINY
-    common = float(np.median(own[chosen]) + between) ** 2 / max(int(chosen.sum()) - 1, 1)
-    freedom = total ** 2 / (common + own[index] ** 2 / units.freedom[index] + _TINY)
-    return student_tail((units.value[index] - mean) / math.sqrt(total), freedom)
+    total = units.error[index] ** 2 + between + error ** 2 + _TINY
+    return student_tail((units.value[index] - mean) / math.sqrt(total), int(chosen.sum()) - 1)
