@@ -30,6 +30,7 @@ from friction_comp.reports.figures import (
     legend,
     panels,
     shade_directions,
+    shade_waiting,
     styled,
     thin,
     zero,
@@ -105,7 +106,8 @@ def demo_page(trials: list[EvaluatedTrial], refined: RefineResult, model: Fricti
                'Back-driving torque: peak of the average, and RMS during movement, mean of both '
                'directions. Error: on data not fitted.')
     page.figure(torque_figure(trials), 'Back-driving torque, mean over the repetitions, in the '
-                'positive direction above, in the negative below.')
+                'positive direction above, in the negative below. Shaded: the person waits at the '
+                'target of the movement before, which is not counted.')
     page.heading('Identified')
     page.text('Constant velocities in both directions give the kinetic friction, and slow current '
               'ramps give the breakaway friction. The simulated joint also has effects that this '
@@ -114,9 +116,10 @@ def demo_page(trials: list[EvaluatedTrial], refined: RefineResult, model: Fricti
                 'breakaway, with its standard deviation.')
     page.heading('Found in the recording of the identification')
     page.table(['', 'value', '95 % interval'],
-               [[f'**{row.name}**' + (f', {row.remark}' if row.remark else ''), row.value,
-                 row.interval] for row in (*refinement_page.friction_rows(report.friction),
-                                           *refinement_page.effect_rows(report))])
+               refinement_page.number_rows([
+                   row for row in (*refinement_page.friction_rows(report.friction),
+                                   *refinement_page.effect_rows(report))
+                   if row.key != 'breakaway']))     # measured: in the figure above
     page.bullets(refinement_page.remarks(report))
     return page
 
@@ -153,6 +156,7 @@ def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
                     band(axis, condition.time, condition.torque, enough * condition.torque_std,
                          colour, trial.title)
         zero(axis)
+        shade_waiting(axis, -1.0)
     legend(axes[0], 2)
     return figure
 

@@ -16,7 +16,17 @@ from friction_comp.evaluation.compare import Comparison, FEWEST, Interval
 from friction_comp.evaluation.conditions import Condition, Evaluation
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.number_text import number
-from friction_comp.reports.figures import band, COLOURS, curve, INK, legend, panels, styled, zero
+from friction_comp.reports.figures import (
+    band,
+    COLOURS,
+    curve,
+    INK,
+    legend,
+    panels,
+    shade_waiting,
+    styled,
+    zero,
+)
 from friction_comp.reports.html import Report, value, without_marks
 
 _MOST_PAIRS, _MOST_RECORDINGS = 6, 12
@@ -331,8 +341,8 @@ def curves_figure(evaluation: Evaluation) -> Figure:
             if evaluation.measured:
                 torque = axes[each * k + 1]
                 band(torque, c.time, c.torque, enough * c.torque_std, colour, label)
-                zero(torque)
-                torque.axvspan(min(float(c.time[0]), -0.1), 0.0, color=COLOURS['faint'],
-                               alpha=0.25 / len(conditions), linewidth=0)
+        if evaluation.measured:
+            zero(axes[each * k + 1])
+            shade_waiting(axes[each * k + 1], min(float(c.time[0]) for c in conditions))
     legend(axes[0], 2)
     return figure

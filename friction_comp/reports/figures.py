@@ -134,6 +134,11 @@ def zero(axes: Axes) -> None:
     axes.axhline(0.0, color=COLOURS['faint'], linewidth=0.8)
 
 
+def shade_waiting(axes: Axes, begin: float) -> None:
+    """Shade what is not counted: the time from `begin` until the movement begins, at 0."""
+    axes.axvspan(min(begin, -0.1), 0.0, color=COLOURS['faint'], alpha=0.25, linewidth=0)
+
+
 def legend(axes: Axes, columns: int = 3) -> None:
     """Put the legend above a panel, where it covers nothing."""
     shown = axes.legend(
