@@ -44,3 +44,10 @@ def quantity(value: float, unit: str) -> str:
     if unit == 'A' and abs(value) < 0.1:
         value, unit = 1e3 * value, 'mA'
     return '–' if math.isnan(value) else f'{number(value)} {unit}'
+
+
+def aligned(rows: Sequence[Sequence[str]], before: str = '') -> list[str]:
+    """Return rows of text as lines whose columns begin below each other."""
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    return [before + '  '.join(f'{text:<{width}}' for text, width in zip(row, widths)).rstrip()
+            for row in rows]

@@ -11,11 +11,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
 from friction_comp.demo.pages import demo_page, EvaluatedTrial, residuals
 from friction_comp.demo.system import DemoSystem
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.number_text import aligned
 from friction_comp.package_files import package_file
 from friction_comp.parallel import child_process
 from friction_comp.recordings import read_recording
@@ -106,13 +105,10 @@ def _conclude(system: DemoSystem, trials: list[EvaluatedTrial], result: RefineRe
               model_file: Path) -> None:
     before, after = residuals(result)
     effects = result.report.effects
-    table = Table(title='Torque needed to move the joint')
-    for index, name in enumerate(('', 'peak (N·m)', 'RMS (N·m)', 'error (mA)')):
-        table.add_column(name, justify='right' if index else 'left')
     errors = {'compensated': f'{1e3 * before:.3g}', 'refined': f'{1e3 * after:.3g}'}
-    for trial in trials:
-        table.add_row(trial.title, trial.peak, f'{trial.rms_torque:.2f}',
-                      errors.get(trial.name, ''))
+    table = aligned([['', 'peak (N·m)', 'RMS (N·m)', 'error (mA)'], *(
+        [trial.title, trial.peak, f'{trial.rms_torque:.2f}', errors.get(trial.name, '')]
+        for trial in trials)])
     system.finish(
         demo_page(trials, result, FrictionModel.load(model_file), UNDECLARED),
         {'trials': [{'name': trial.name, 'peak_torque': trial.peak_torque,
@@ -121,7 +117,7 @@ def _conclude(system: DemoSystem, trials: list[EvaluatedTrial], result: RefineRe
          'residual': {'before': before, 'after': after, 'unit': 'A',
                       'noise_floor': result.report.noise_floor},
          'effects': result.report.content()['effects']},
-        table,
+        *table,
         *(f'effect found: {effect.name} ({effect.variable})  {effect.in_words}'
           for effect in effects))
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from friction_comp.note.experiments import ExperimentOutcome, STANDSTILLS
 from friction_comp.note.published import Experiment, EXPERIMENTS, FALSE_START
+from friction_comp.number_text import number
 from friction_comp.reports.figures import (
     band,
     COLOURS,
@@ -19,6 +20,7 @@ from friction_comp.reports.figures import (
     legend,
     panels,
     scatter,
+    shade_waiting,
     styled,
     zero,
 )
@@ -62,7 +64,8 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
     report.heading('Movements')
     report.figure(trial_figure(outcomes), (
         'Back-driving torques of each configuration in the positive and the negative direction, '
-        "mean and standard deviation of ten repetitions (the note's Fig. 5)."))
+        "mean and standard deviation of ten repetitions (the note's Fig. 5). Shaded: at the target "
+        'of the movement before, not counted.'))
     _add_standstill(report, outcomes)
     _add_sources(report, outcomes)
     return report
@@ -110,21 +113,28 @@ def _cells(result: dict[str, Any], note: Experiment) -> dict[str, str]:
 
 
 def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
-    rows = []
+    columns = []
     for outcome in outcomes:
         printed, sigmoid = outcome.experiment.model().sigmoid, outcome.model.sigmoid
         speeds, currents = outcome.identified.speeds, outcome.identified.currents
         fast = speeds[np.abs(speeds) > math.radians(4.0)]
-        rows.append([
-            outcome.experiment.number, ', '.join(f'{c:.4g}' for c in sigmoid.coefficients('deg/s')),
-            outcome.identified.sigmoid_error, float(np.sum(np.abs(printed(speeds) - currents))),
-            1e3 * np.abs(sigmoid(fast) - printed(fast)).max()])
-    report.table(
-        ['configuration', 'c1 … c6 (ω in deg/s)', 'E (A)', 'E of Eq. 11 as printed (A)',
-         'largest difference to Eq. 11 from 5 deg/s on (mA)'], rows,
-        'Rows 2 and 3 of Eq. 11 are interchanged, as Fig. 4 and the breakaway currents require. '
-        'Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2. What else the note '
-        'leaves open is in docs/note_errors.md.')
+        columns.append({
+            'c1 … c6 (ω in deg/s)': ', '.join(f'{c:.4g}' for c in sigmoid.coefficients('deg/s')),
+            'E (A)': outcome.identified.sigmoid_error,
+            'E of Eq. 11 as printed (A)': float(np.sum(np.abs(printed(speeds) - currents))),
+            'largest difference to Eq. 11 from 5 deg/s on (mA)':
+                1e3 * np.abs(sigmoid(fast) - printed(fast)).max()})
+    _add_columns(report, columns,
+                 'Rows 2 and 3 of Eq. 11 are interchanged, as Fig. 4 and the breakaway currents '
+                 'require. Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2. '
+                 'What else the note leaves open is in docs/note_errors.md.')
+
+
+def _add_columns(report: Report, columns: list[dict[str, Any]], caption: str) -> None:
+    """Add a table with a column for each configuration."""
+    report.table(['', *(f'configuration {note.number}' for note in EXPERIMENTS)],
+                 [[name, *(column[name] if isinstance(column[name], str) else number(column[name])
+                           for column in columns)] for name in columns[0]], caption)
 
 
 def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
@@ -141,21 +151,22 @@ def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
 
 def _add_sources(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     report.heading('Parameters of the simulated joints')
-    rows = []
+    columns = []
     for outcome in outcomes:
         entries = outcome.experiment.model().simulation
         person, movement = entries['human'], entries['movement']
-        rows.append([
-            outcome.experiment.number, entries['inertia'], entries['presliding_stiffness'],
-            entries['presliding_damping'], person['stiffness'], person['damping'],
-            movement['speed'], movement['acceleration_time'],
-            ', '.join(f'{speed:g}' for speed in outcome.experiment.slow)])
-    report.table(
-        ['configuration', 'inertia (kg·m²)', 'presliding stiffness (N·m/rad)',
-         'presliding damping (N·m·s/rad)', "person's stiffness (N·m/rad)",
-         "person's damping (N·m·s/rad)", 'speed (deg/s)', 'acceleration time (s)',
-         'slowest speeds of the table (deg/s)'], rows,
-        'Inertia and stiffness are from data sheets, all others are calibrated on d = 0.')
+        columns.append({
+            'inertia (kg·m²)': entries['inertia'],
+            'presliding stiffness (N·m/rad)': entries['presliding_stiffness'],
+            'presliding damping (N·m·s/rad)': entries['presliding_damping'],
+            "person's stiffness (N·m/rad)": person['stiffness'],
+            "person's damping (N·m·s/rad)": person['damping'],
+            'speed (deg/s)': movement['speed'],
+            'acceleration time (s)': movement['acceleration_time'],
+            'slowest speeds of the table (deg/s)':
+                ', '.join(f'{speed:g}' for speed in outcome.experiment.slow)})
+    _add_columns(report, columns, 'Inertia and stiffness are from data sheets, all others are '
+                 'calibrated on d = 0.')
     sources = outcomes[-1].experiment.model().simulation['sources']
     report.text('\n\n'.join(f'**{name}**: {text}' for name, text in sources.items()))
 
@@ -206,5 +217,6 @@ def trial_figure(outcomes: list[ExperimentOutcome]) -> Figure:
             condition = next(c for c in outcome.trials[trial].conditions if c.movement == name)
             band(axis, condition.time, condition.torque, condition.torque_std, colour, label)
         zero(axis)
+        shade_waiting(axis, -1.0)
     legend(axes[0], 2)
     return figure

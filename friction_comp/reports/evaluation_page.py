@@ -15,7 +15,7 @@ import numpy as np
 from friction_comp.evaluation.compare import Comparison, FEWEST, Interval
 from friction_comp.evaluation.conditions import Condition, Evaluation
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
-from friction_comp.number_text import number
+from friction_comp.number_text import aligned, number
 from friction_comp.reports.figures import (
     band,
     COLOURS,
@@ -157,10 +157,7 @@ def terminal_lines(evaluation: Evaluation) -> list[str]:
     names = _known_columns(evaluation)[:3]
     rows = [['condition', 'move', 'n', *(_COLUMNS[name] for name in names)],
             *condition_rows(evaluation, names)]
-    widths = [max(map(len, column)) for column in zip(*rows)]
-    table = ['  '.join(f'{text:<{width}}' for text, width in zip(row, widths)).rstrip()
-             for row in rows]
-    return [*table, '', *map(without_marks, [verdict(evaluation), *remarks(evaluation)])]
+    return [*aligned(rows), '', *map(without_marks, [verdict(evaluation), *remarks(evaluation)])]
 
 
 def measure_text(condition: Condition, name: str) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_numbers import FrictionNumbers, quantity_in
-from friction_comp.number_text import number, quantity
+from friction_comp.number_text import aligned, number, quantity
 from friction_comp.refinement.result import Finding, FoundEffect, RefinementReport, RefineResult
 from friction_comp.reports.figures import curve, legend, panels, scatter, styled, zero
 from friction_comp.reports.html import Report, value
@@ -36,6 +36,8 @@ _NOT_JUDGED = {'no_presliding': 'starts and turns', 'no_load': 'load',
 _SLOW_REVERSALS = '10 slow reversals (a sine of 0.1 Hz) at 500 Hz or more'
 # The first number of a sentence with its unit, and the rest.
 _SIZE = re.compile(r'(?:([+−-]?\d[\d.e+−-]*) ([^\s,;]+)[,;]? ?)?(.*)', re.DOTALL)
+# The note on columns that were chosen by their names, which stands first.
+_CHOSEN = re.compile(r'.*?: columns guessed from their names: (.*) \(override.*\)$')
 # Signals over which errors are drawn, with their labels.
 _SIGNALS = {'position': 'position (rad)', 'velocity': 'velocity (rad/s)',
             'acceleration': 'acceleration (rad/s²)', 'load': 'load (N·m)', 'time': 'time (s)',
@@ -163,6 +165,12 @@ def recorded(result: RefineResult) -> str:
     return f'{seconds:.3g} s, {len(samples)} rows'
 
 
+def reading(report: RefinementReport) -> list[str]:
+    """Return how the columns of tables were read."""
+    chosen = [found[1] for line in report.warnings if (found := _CHOSEN.match(line))]
+    return [*(f'columns {one}' for one in chosen), *(f'read as {one}' for one in report.assumed)]
+
+
 def action(report: RefinementReport) -> tuple[str, str]:
     """Return the verdict as what to do, and why."""
     word = report.verdict[0].upper() + report.verdict[1:]
@@ -194,7 +202,8 @@ def _not_judged(finding: Finding) -> str:
 
 def remarks(report: RefinementReport) -> list[str]:
     """Return what else to know: neither a reason of the verdict nor in `not_judged`."""
-    said = {finding.text for finding in report.findings if _not_judged(finding)}
+    said = {finding.text for finding in report.findings if _not_judged(finding)} | {
+        line for line in report.warnings if _CHOSEN.match(line)}
     return [
         *(f'the error still depends on {entry.variable}: {entry.note} '
           f'({100 * entry.strength:.0f} % of the rest)' for entry in report.unexplained),
@@ -247,17 +256,13 @@ def effect_names(names: Iterable[str]) -> str:
 
 def table_lines(rows: Sequence[Row]) -> list[str]:
     """Return rows as aligned lines for a terminal."""
-    widths = [max((len(row[k]) for row in rows), default=0) for k in (1, 2, 3)]
-    return ['  ' + '  '.join(f'{text:<{width}}' for text, width in zip(
-        (row.name, row.value, row.interval, row.remark), (*widths, 0))).rstrip() for row in rows]
+    return aligned([row[1:] for row in rows], '  ')
 
 
 def terminal_lines(result: RefineResult, names: Sequence[str], output: Path) -> list[str]:
     """Return what `refine` prints: how the recordings were read, what to do, numbers, what next."""
     report = result.report
-    head = f'{", ".join(names)}: {recorded(result)}'
-    if report.assumed:
-        head += '; read as ' + '; '.join(report.assumed)
+    head = '; '.join([f'{", ".join(names)}: {recorded(result)}', *reading(report)])
     return [head, '', *summary_lines(report), '', *step_lines([
         ('look', str(output / 'report.html')), *_next_steps(report, output)])]
 
@@ -290,7 +295,7 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
     page.numbers([(value(key, text), name) for key, name, text in errors(report)])
     page.bullets(report.reasons[1:], 'Also:')
     page.text(f'Cannot be judged: {", ".join(not_judged(report))}.')
-    page.text('\n\n'.join(f'Read as {line}.' for line in report.assumed))
+    page.text('; '.join(reading(report)).replace('--unit', '`--unit`'))
     page.table(['friction', 'value', '95 % interval'], number_rows(
         friction_rows(report.friction)))
     effects = effect_rows(report)

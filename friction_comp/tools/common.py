@@ -12,6 +12,7 @@ import argparse
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 import math
 from pathlib import Path
 import re
@@ -84,7 +85,8 @@ class Arguments(argparse.ArgumentParser):
         super().__init__(
             prog=f'python3 -m friction_comp {name}', description=description,
             allow_abbrev=False, epilog='\n'.join(['examples:', *lines]) if lines else None,
-            formatter_class=argparse.RawDescriptionHelpFormatter)
+            formatter_class=partial(argparse.RawDescriptionHelpFormatter, width=100,
+                                    max_help_position=26))
         self._name = name
         self.given: set[str | None] = set()
         self.register('action', None, _Once)
@@ -97,6 +99,10 @@ class Arguments(argparse.ArgumentParser):
     def parse(self, argv: Sequence[str] | None = None) -> Namespace:
         """Return the arguments, with the `command` as code, and its ROS arguments as `ros`."""
         given = list(sys.argv[1:] if argv is None else argv)
+        needed = [action for action in self._actions if action.required]
+        self.usage = ' '.join(['%(prog)s', *(
+            f'{" ".join(action.option_strings[:1])} {action.metavar or "FORM"}'.strip()
+            + ' …' * (action.nargs == '+') for action in needed), '[OPTION …]'])
         end = given.index('--ros-args') if '--ros-args' in given else len(given)
         self.given.clear()
         parsed = self.parse_args(given[:end])
@@ -111,23 +117,21 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument(
             'recordings' if several else 'recording', metavar='RECORDING',
             type=Path, nargs='+', action='store' if several else _OneRecording,
-            help='rosbag2 folder, .mcap or .bag file, table (.csv, .parquet, .npz, .mat, .h5 and '
-            'others)' + (', or folder of recordings other than tables' if several else ''))
+            help='rosbag2 folder, .mcap or .bag file, or table (.csv, .parquet, .npz, .mat, .h5)'
+            + ('; or a folder of recordings other than tables' if several else ''))
         self.add_argument('--joint', metavar='NAME', help='the joint, where there are several; '
                           '/TOPIC/NAME if several topics have it')
         self.add_argument(
-            '--columns', metavar='SIGNAL=COLUMN,…', action=_Joined,
+            '--columns', metavar='SIGNAL=COLUMN', action=_Joined,
             help='columns of a table: time=t,position=q_2,effort=tau_2')
         self.add_argument(
-            '--unit', metavar='SIGNAL=UNIT,…', action=_Joined,
-            help='units that are not SI: time=ms,position=counts/4096,current=2.69mA; position=mm '
-            'and effort=N of a linear axis' + unit_help)
+            '--unit', metavar='SIGNAL=UNIT', action=_Joined,
+            help='units that are not SI: time=ms,position=deg,current=2.69mA' + unit_help)
         self.add_argument('--rate', metavar='HZ', type=positive,
                           help='rows per second of a table without times, or of a plan')
         self.add_argument(
-            '--stiffness', metavar='KP', help='k_p in N·m/rad, or its column, where a table has a '
-            'target instead of effort: effort is then k_p (target - position) - k_d velocity; '
-            'several for several tables: 20,40')
+            '--stiffness', metavar='KP', help='k_p in N·m/rad, or its column, of a table with a '
+            'target instead of effort: effort is k_p (target - position) - k_d velocity')
         self.add_argument('--damping', metavar='KD', help='k_d in N·m·s/rad, as --stiffness')
         return self
 
@@ -144,8 +148,7 @@ class Arguments(argparse.ArgumentParser):
         """Add --jobs, None by default."""
         self.add_argument(
             '--jobs', metavar='N', type=whole_number(),
-            help='number of processes, one recording each; by default as many as there are '
-            'processors if that saves time, else 1')
+            help='processes, a recording each (as many as processors, where that saves time)')
         return self
 
     def add_json(self) -> Arguments:

@@ -16,27 +16,20 @@ from friction_comp.units import in_own_units, signal_with_unit
 def main(argv: list[str] | None = None) -> int:
     """Refine a model and write report.json, report.html and model.yaml; returns 0."""
     parser = Arguments('refine', __doc__, (
-        'examples/elbow --model config/armin_configuration_2.yaml --output output/refined',
-        'examples/elbow --torque-constant 0.119 --gear-ratio 100 --output output/refined',
-        'log.csv --columns time=t,position=q_2,velocity=dq_2,effort=tau_2 --unit position=deg '
-        '--output output/refined',
-        'examples/elbow --each --model config/armin_configuration_2.yaml --output output/each',
-        'robots --each --output output/fleet')
+        'log.csv --columns time=t,position=q_2,effort=tau_2 --unit position=deg --output refined',
+        'examples/elbow --model config/armin_configuration_2.yaml --output output/refined')
     ).add_recordings(unit_help=(
-        '. A unit alone, such as A or V, is the unit of the figures in the report. The default is '
-        'A with a torque constant, a gear ratio or a model, else N·m, the unit of effort in '
-        'joint_states. If effort contains current, give 1 for both constants')).add_drive(
-    ).add_output().add_jobs().add_json()
+        '; alone, such as A, the unit of the report (A with a torque constant, a gear ratio or a '
+        'model, else N·m)')).add_drive().add_output().add_jobs().add_json()
     parser.add_argument('--model', metavar='FILE', type=Path,
-                        help='model to start from; without it, the sigmoid of Eq. 6 (Coulomb and '
-                        'viscous friction) is fitted first')
+                        help='model to start from, or with the drive alone')
     parser.add_argument('--urdf', metavar='FILE', type=Path,
                         help='URDF of the arm: fit its links, and refine all joints')
     parser.add_argument('--each', action='store_true',
-                        help='refine each joint of each recording alone, with one page on all')
+                        help='refine each joint of each recording alone; one page on all')
     parser.add_argument('--scheduler', metavar='ADDRESS',
-                        help='Dask scheduler for --each, tcp://host:8786; its workers need the '
-                        'recordings at the same paths')
+                        help='Dask scheduler for --each, tcp://host:8786; its workers read the '
+                        'same paths')
     arguments = parser.parse(argv)
     arguments.unit, arguments.figures = _units(arguments.unit)
     _check_together(arguments)

@@ -7,9 +7,8 @@ It prints the results of the simulation next to those of the note.
 
 from __future__ import annotations
 
-from typing import Any
-
 from friction_comp.files import output_folder
+from friction_comp.number_text import aligned
 from friction_comp.results import to_json
 from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, whole_number
@@ -24,7 +23,7 @@ def main(argv: list[str] | None = None) -> int:
                         help='seed of noise, scatter and persons (2)')
     arguments = parser.parse(argv)
     from friction_comp.note.experiments import run_experiments
-    from friction_comp.note.note_report import reproduction_report
+    from friction_comp.note.note_report import compared, reproduction_report
 
     with output_folder(arguments.output) as folder, progress('starting') as report:
         outcomes = run_experiments(arguments.cycles, arguments.seed, report)
@@ -32,21 +31,6 @@ def main(argv: list[str] | None = None) -> int:
         (folder / 'results.json').write_text(
             to_json({'configurations': configurations}), encoding='utf-8')
         reproduction_report(outcomes).save(folder / 'report.html')
-    _print(configurations)
-    print(arguments.output / 'report.html')
+    head = ['the note in brackets', *(f'configuration {name}' for name in configurations)]
+    print(*aligned([head, *compared(configurations)]), arguments.output / 'report.html', sep='\n')
     return 0
-
-
-def _print(configurations: dict[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from friction_comp.note.note_report import compared
-
-    table = Table(title='The note and its repetition (the note in brackets)')
-    table.add_column()
-    for number in configurations:
-        table.add_column(f'configuration {number}', justify='right')
-    for row in compared(configurations):
-        table.add_row(*row)
-    Console().print(table)
