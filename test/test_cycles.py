@@ -12,7 +12,17 @@ from scipy.signal import lfilter, lsim
 
 from friction_comp.errors import InputError
 from friction_comp.identification import cycles as twice
-from friction_comp.identification.goal import IdentificationError
+from friction_comp.identification.curves import fit_sigmoid
+from friction_comp.identification.cycles import (
+    constant_velocity_currents,
+    KineticPoint,
+    steadiest_inertia,
+)
+from friction_comp.identification.goal import (
+    constant_velocity_windows,
+    cycle_state,
+    IdentificationError,
+)
 from friction_comp.identification.identified import (
     curve_misfit,
     doubts_of_curve,
@@ -21,15 +31,7 @@ from friction_comp.identification.identified import (
     doubts_of_ramps,
     uncertainty_of,
 )
-from friction_comp.identification.inertia import steadiest_inertia
-from friction_comp.identification.profiles import (
-    constant_velocity_currents,
-    constant_velocity_windows,
-    cycle_state,
-    KineticPoint,
-    travel_state,
-)
-from friction_comp.identification.sigmoid_fit import fit_sigmoid
+from friction_comp.identification.supervised_run import travel_state
 from friction_comp.model.measured import Breakaway, Presliding
 
 SPEEDS = np.array([0.09, 0.2, 0.5, 1.0, 1.6])

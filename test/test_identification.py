@@ -116,7 +116,7 @@ def test_a_weight_that_is_held_with_another_unit_or_sign_ends_the_run(factor):
     run = IdentificationRun(IdentificationGoal(**QUICK), model.drive)
     with pytest.raises(IdentificationError, match='measured current'):
         follow(run, plant, scaled, carried)
-    assert run.friction is None, 'the joint was not pushed yet'
+    assert run.supervision.friction is None, 'the joint was not pushed yet'
 
 
 def test_result_holds_table_fit_breakaway_and_model(quick, tmp_path):

@@ -12,7 +12,6 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.profiles import Sample
 from friction_comp.identification.ramps import (
     combined_presliding,
     evaluate_ramps,
@@ -22,6 +21,7 @@ from friction_comp.identification.ramps import (
     rests,
 )
 from friction_comp.identification.run import IdentificationRun
+from friction_comp.identification.supervised_run import Sample
 
 LEVEL, RATE, COUNT = 0.3, 60.0, 1.5e-5  # A, rad/s² per A, rad
 ONE_EACH = np.array([True, False])      # which ramps follow a slide in their own direction

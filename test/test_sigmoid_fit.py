@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
-from friction_comp.identification.sigmoid_fit import fit_sigmoid, sigmoid_error
+from friction_comp.identification.curves import fit_sigmoid, sigmoid_error
 from friction_comp.model.sigmoid import Sigmoid
 
 # Of configuration 2, the steepest of the note.

@@ -14,7 +14,7 @@ from friction_comp.__main__ import main
 from friction_comp.columns import assign
 from friction_comp.drive import Drive
 from friction_comp.facts.motion import not_in_radians as angle_fault
-from friction_comp.identification.steady_state import fit_steady_states
+from friction_comp.identification.curves import fit_steady_states
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import read_recording_with_info
 from friction_comp.recordings.told_units import unit_of_weight

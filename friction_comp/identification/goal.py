@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a joint may be asked to do: an identification, or a trajectory."""
+"""What a joint may be asked to do: an identification, in cycles of Eq. 3, or a trajectory."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ import numpy as np
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.profiles import shortest_cycle
 
 GOAL_LIMITS = {
     'speeds': (1e-3, 10.0, 'rad/s'), 'motion_range': (1e-3, 100.0, 'rad'),
@@ -27,6 +26,11 @@ GOAL_LIMITS = {
 _USED_SHARE, _SHORTEST, _MOST_SPEEDS, _LONGEST = 0.9, 0.12, 1000, 3600.0
 
 
+SETTLING, FEWEST = 0.25, 6
+"""Time in s at the beginning of a constant-velocity phase that is not used, and fewest samples of
+the rest for an average."""
+
+
 class IdentificationError(InputError):
     """The drive did not respond as identification requires; the text says what to change."""
 
@@ -36,6 +40,37 @@ def check_field(name: str, value: Any) -> None:
     low, high, _ = GOAL_LIMITS[name]
     check = check_whole_number if isinstance(low, int) else check_number
     check(value, name, least=low, most=high)
+
+
+def cycle_state(time: float, speed: float, cycle_time: float) -> tuple[float, float]:
+    """Return reference position (rad) and velocity (rad/s) of Eq. 3; zero outside the cycle.
+
+    The far end, at T/2, is 0.4·ω_c·T away (Eq. 4). The fifth phase begins at 0.9 T, where the note
+    prints ``0.9 < t``.
+    """
+    share = time / cycle_time
+    if share <= 0.0 or share >= 1.0:
+        return 0.0, 0.0
+    if share <= 0.1:
+        moved, slope = 5.0 * share * share, 10.0 * share
+    elif share <= 0.4:
+        moved, slope = share - 0.05, 1.0
+    elif share <= 0.6:
+        since = share - 0.4
+        moved, slope = 0.35 + since - 5.0 * since * since, 1.0 - 10.0 * since
+    elif share <= 0.9:
+        moved, slope = 0.95 - share, -1.0
+    else:
+        moved, slope = 5.0 * (1.0 - share) ** 2, -10.0 * (1.0 - share)
+    return speed * cycle_time * moved, speed * slope
+
+
+def constant_velocity_windows(cycle_time: float, settling: float = 0.0
+                              ) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the phases of Eq. 3 at +ω_c and -ω_c, s, without `settling`, or 60 % of each."""
+    skipped = min(max(settling, 0.0), 0.18 * cycle_time)
+    return ((0.1 * cycle_time + skipped, 0.4 * cycle_time),
+            (0.6 * cycle_time + skipped, 0.9 * cycle_time))
 
 
 class MotionGoal(ABC):
@@ -134,7 +169,11 @@ class IdentificationGoal(MotionGoal):
 
     def too_short(self, speed: float, step: float) -> str:
         """Return why a cycle has too few samples, one every `step`, s; '' if it has enough."""
-        (duration, width), shortest = self.cycle(speed), shortest_cycle(step)
+        duration, width = self.cycle(speed)
+        # A fifth more than needed, as they may come unevenly; without what settles, see
+        # `constant_velocity_windows`.
+        needed = 1.2 * FEWEST * step
+        shortest = min(needed / 0.12, (needed + SETTLING) / 0.3)
         if duration >= shortest:
             return ''
         wider = self.motion_range * shortest / duration

@@ -14,10 +14,15 @@ import math
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.identification.cycles import changes, Cycle, MAX_SCATTER, pairs
+from friction_comp.identification.cycles import (
+    changes,
+    Cycle,
+    Inertia,
+    KineticPoint,
+    MAX_SCATTER,
+    pairs,
+)
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.inertia import Inertia
-from friction_comp.identification.profiles import KineticPoint
 from friction_comp.identification.ramps import BreakawayRecords
 from friction_comp.model.arm import Arm
 from friction_comp.model.effects.base import Effect

@@ -21,32 +21,30 @@ from scipy.interpolate import CubicHermiteSpline
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification import cycles as twice, identified as doubts, ramps as stairs
-from friction_comp.identification.cycles import Cycle
+from friction_comp.identification.curves import fit_sigmoid
+from friction_comp.identification.cycles import Cycle, steadiest_inertia, without_lag
 from friction_comp.identification.goal import (
+    cycle_state,
     IdentificationError,
     IdentificationGoal,
     TrajectoryGoal,
 )
 from friction_comp.identification.identified import IdentificationResult
-from friction_comp.identification.inertia import steadiest_inertia, without_lag
-from friction_comp.identification.profiles import cycle_state, Sample, sample_rows
-from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import (
-    OscillationError,
+    NotFollowedError,
+    Sample,
+    sample_rows,
     speed_over,
     STILL_TIME,
     SupervisedRun,
-    TooSlowError,
 )
-from friction_comp.identification.velocity_control import LEAST_BANDWIDTH
+from friction_comp.identification.supervision import LEAST_BANDWIDTH
 from friction_comp.statistics import evenly_spread, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
 # moved by more than so many counts. A ramp ends when it has slid this far, rad, at this speed or
 # since its last rest: a rotor that crosses backlash also slides, and is then stopped.
 _CUT_SPEED, _CUT_WINDOW, _CUT_COUNTS, _CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
-# Lag, or a heavy link that oscillates against its rotor, needs lower gains.
-_GAIN_LADDER = (1.0, 0.3, 0.1)
 # Shares by which a cycle may miss its speed, or leave a straight line, and its current may vary;
 # share of that scatter that other gains must leave to be the better ones.
 _HELD, _CALM, _STEADIER = 0.1, 0.5, 0.7
@@ -92,7 +90,7 @@ class TrajectoryRun(SupervisedRun):
         yield from self._travel(goal.positions[0])
         self.phase, self._began = 'trajectory', self.sample.time
         yield from self._follow(self._reference, goal.times[-1], _BEHIND * goal.motion_range,
-                                goal.speeds[-1])
+                                goal.speeds[-1], self.gains[0])
 
     def _reference(self, time: float) -> tuple[float, float]:
         time = max(time, self.goal.times[0])
@@ -144,7 +142,6 @@ class IdentificationRun(SupervisedRun):
         return left + (2 * goal.breakaway_cycles - len(self.ramps)) * self._ramp_time
 
     def _movements(self) -> Generator[float, Sample, None]:
-        self._leave_out_fast()
         while self._to_drive:
             yield from self._measure_speed(self._to_drive[0])
             self._to_drive.pop(0)
@@ -164,7 +161,7 @@ class IdentificationRun(SupervisedRun):
                     yield from self._breakaway(sign)
         # With the gains of the first time: what changed is then the drive.
         for first_cycle in [cycle for cycle in self.cycles if cycle.speed in self._again]:
-            again = yield from self._one_cycle(first_cycle.speed, first_cycle.factor)
+            again = yield from self._one_cycle(first_cycle.speed, first_cycle.gain)
             self._again.remove(first_cycle.speed)
             self.repeated += [] if again is None else [again]
 
@@ -179,41 +176,43 @@ class IdentificationRun(SupervisedRun):
         self.warnings.append(f'{speed:g} rad/s left out: {why}')
         self._again = [again for again in self._again if again != speed]
 
-    def _leave_out_fast(self) -> None:
-        """Take speeds off the list whose acceleration would need too much current."""
-        limit, push = self.drive.current_limit, max(self._push.values())
-        for speed in reversed(self.goal.speeds):
-            needed = push + self._accelerating_current(speed)
-            if needed <= _USED_CURRENT * limit:
-                return
-            self._to_drive.remove(speed)
-            self._leave_out(speed, f'within {self.goal.motion_range:g} rad it would take about '
-                            f'{self.say(needed)} to accelerate, more than {_USED_CURRENT:.0%} of '
-                            f'the current limit of {self.say(limit)}: widen the range')
+    def _too_fast(self, speed: float) -> str:
+        """Return why a speed cannot be driven; '' if it can."""
+        if why := self.goal.too_short(speed, self.supervision.step):
+            return why
+        limit, say = self.drive.current_limit, self.supervision.say
+        needed = max(self._push.values()) + self._accelerating_current(speed)
+        if needed <= _USED_CURRENT * limit:
+            return ''
+        return (f'within {self.goal.motion_range:g} rad it would take about {say(needed)} to '
+                f'accelerate, more than {_USED_CURRENT:.0%} of the current limit of {say(limit)}: '
+                'widen the range')
 
     def _measure_speed(self, speed: float) -> Generator[float, Sample, None]:
-        """Drive cycles at a speed until a controller gain is steady, and keep the best."""
-        if why := self.goal.too_short(speed, self.supervision.step):
+        """Drive cycles at a speed with lower gains until its current is steady; keep the best."""
+        if why := self._too_fast(speed):
             self._leave_out(speed, why)
             return
         best = None
-        for factor in _GAIN_LADDER:
-            if factor < 1.0 and self._bandwidth(factor) < LEAST_BANDWIDTH:
+        for gain in list(self.gains):
+            # Lower gains hold no low speeds: they are for a joint that oscillates with others.
+            if gain < self.gains[0] and self.bandwidth(gain) < LEAST_BANDWIDTH:
                 break
-            driven = yield from self._one_cycle(speed, factor)
+            driven = yield from self._one_cycle(speed, gain)
             if driven is not None and (
                     best is None or driven.scatter < _STEADIER * best.scatter):
                 best = driven
             if best is not None and best.scatter <= twice.MAX_SCATTER:
                 break
         if best is None:
-            self._leave_out(speed, f'stick-slip, or the joint oscillates{self._why_slow()}')
+            self._leave_out(speed, 'stick-slip, the joint oscillates, or its controller is slow '
+                            f'({self.bandwidth(self.gains[0]):.0f} rad/s)')
             return
         self.cycles.append(best)
         self.commanded_points.extend(best.commanded)
         self._update_friction()
 
-    def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, Cycle | None]:
+    def _one_cycle(self, speed: float, gain: float) -> Generator[float, Sample, Cycle | None]:
         """Run one cycle of Eq. 3; return None if the joint did not hold its speed."""
         duration, width = self.goal.cycle(speed)
         yield from self._travel(self.start - 0.5 * width)
@@ -226,19 +225,14 @@ class IdentificationRun(SupervisedRun):
 
         try:
             begin, driven, commands = yield from self._follow(
-                reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed,
-                factor)
-        except OscillationError as error:
-            yield from self._calm(error)
-            return (yield from self._one_cycle(speed, factor))
-        except TooSlowError:
-            yield from self._standstill(STILL_TIME)
+                reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, gain)
+        except NotFollowedError:
             return None
         if np.mean(np.isfinite(driven[:, 2])) < 0.95:
             raise IdentificationError('the measured current is not finite')
         try:
             cycle = Cycle.measured(begin, duration, speed, driven, np.array(commands),
-                                   self.acceleration, factor=factor)
+                                   self.supervision.acceleration, gain=gain)
         except InputError as error:
             raise IdentificationError(str(error)) from None
         held = cycle.scatter <= _CALM and all(
@@ -260,9 +254,7 @@ class IdentificationRun(SupervisedRun):
             self._lost += 1
             first = stairs.first_stair([first])
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
-                raise IdentificationError(
-                    f'no current holds the joint reliably: it slid at {self.say(level)}, although '
-                    'more held it before: it is pushed, or its friction varies with place or time')
+                self.supervision.refuse_unreliable(level)
         held.append(level)
         self.ramps.append(ramp)
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
@@ -278,7 +270,8 @@ class IdentificationRun(SupervisedRun):
             if stair > self.ramp_peak:
                 if watch.slides and held is not None:
                     break
-                self._refuse_blocked(sign, self.ramp_peak)
+                self.supervision.refuse_blocked(
+                    sign, self.ramp_peak, self.goal.ramp_slope is not None)
             yield from self._rise(current, stair, watch)
             current = stair
             pauses.append(self.sample.time)
@@ -341,9 +334,10 @@ class IdentificationRun(SupervisedRun):
             [cycle.samples for cycle in twice.levelled(self.cycles, slopes)])
         # A push that moved the joint is right within tens of percent, unless a sensor is late.
         wide = _FROM_TYPICAL if self._inertia_is_typical else _FROM_PUSH
-        if inertia and not 1.0 / wide < inertia.acceleration_per_current / self.acceleration < wide:
+        pushed = self.supervision.acceleration
+        if inertia and not 1.0 / wide < inertia.acceleration_per_current / pushed < wide:
             inertia = None
-        acceleration, lag = inertia[:2] if inertia else (self.acceleration, 0.0)
+        acceleration, lag = inertia[:2] if inertia else (pushed, 0.0)
         # An inertia that is not known must not correct anything.
         cycles, repeated = (twice.levelled(
             [cycle.again(acceleration if inertia else math.inf, lag) for cycle in driven], slopes)
@@ -361,15 +355,15 @@ class IdentificationRun(SupervisedRun):
             max(self._resolution, min(filter(None, seen), default=0.0)), acceleration,
             sigmoid.viscous)
         breakaway, misfit = found.records.statistics(), doubts.curve_misfit(points, sigmoid)
-        warnings = list(self.warnings)
+        warnings, say = list(self.warnings), self.supervision.say
         if self._inertia_is_typical and not inertia:
             warnings.append('the inertia could not be estimated; a typical one was assumed')
         warnings += [
             *doubts.doubts_of_cycles(cycles, repeated, inertia, drift), *found.warnings,
             *doubts.doubts_of_ramps(breakaway, points, self.goal.breakaway_cycles,
-                                    self.supervision.step, found.presliding, self.say),
+                                    self.supervision.step, found.presliding, say),
             *doubts.doubts_of_positions(self.cycles, self.repeated),
-            *doubts.doubts_of_curve(points, sigmoid, misfit, self.say)]
+            *doubts.doubts_of_curve(points, sigmoid, misfit, say)]
         return IdentificationResult(
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
             records=found.records, acceleration_per_current=acceleration,

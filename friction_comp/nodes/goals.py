@@ -16,7 +16,6 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.goal import check_field, IdentificationGoal, TrajectoryGoal
 from friction_comp.identification.run import IdentificationRun
-from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import SupervisedRun
 
 
@@ -109,4 +108,3 @@ def compile_ahead(drive: Drive) -> None:
     for k in range(3):
         identification.update(1e-3 * k, 0.0, 0.0, 0.0)
     identification.abort()
-    fit_sigmoid((-0.8, -0.4, 0.4, 0.8), (-0.1, -0.1, 0.1, 0.1))

@@ -244,7 +244,6 @@ class IdentificationNode(Node):
 
     def _measure(self, goal: RunningGoal, ticket: int) -> None:
         """Answer a new joint state with the current of the run."""
-        received = time.monotonic()
         states, index, run = self._states, goal.index, goal.run
         if goal.started is None:
             goal.started = states.stamp
@@ -255,8 +254,6 @@ class IdentificationNode(Node):
             raise InputError(
                 f'joint_states hold no finite position and effort of {goal.joint}')
         measured = effort * self._per_effort[index]
-        if not self._simulated:
-            run.supervision.arrived(at, received)
         # From the first state on: a joint must not fall meanwhile.
         commands = self._carried.at(states.position)
         self._check_at_rest(goal, states.position)

@@ -13,7 +13,7 @@ import numpy as np
 from friction_comp.checks import one_of
 from friction_comp.column_names import read_name
 from friction_comp.errors import errors_name, InputError
-from friction_comp.identification.steady_state import fit_steady_states, SteadyStates
+from friction_comp.identification.curves import fit_steady_states, SteadyStates
 from friction_comp.recorded_drive.given import drive_of, figures_unit
 from friction_comp.recordings.row_groups import column_of_joints
 from friction_comp.recordings.table_base import Table

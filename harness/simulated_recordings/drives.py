@@ -15,7 +15,12 @@ from numba import njit
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.identification import velocity_control
+from friction_comp.identification.supervised_run import (
+    Controller,
+    controller_state,
+    controller_step,
+)
+from friction_comp.identification.supervision import BANDWIDTH
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
@@ -204,10 +209,10 @@ def _driven(drive, undeclared, path, load, rng):
         'human': {'stiffness': softness, 'damping': 0.0, 'response_time': 0.0,
                   'integral_time': 0.0}}), undeclared)
     # As one would tune it: slower where the drive answers late, for it would swing otherwise.
-    bandwidth = velocity_control.BANDWIDTH
+    bandwidth = BANDWIDTH
     if undeclared.actuation_lag > 0:
         bandwidth = min(bandwidth, 0.4 / undeclared.actuation_lag)
-    control = velocity_control.Controller(
+    control = Controller(
         model.drive.torque_per_current / inertia, model.drive.current_limit,
         model.sigmoid.upper, model.sigmoid.lower, bandwidth)
     state, out = np.zeros(1, JOINT_STATE)[0], np.zeros(1, MEASURED)[0]
@@ -216,7 +221,7 @@ def _driven(drive, undeclared, path, load, rng):
     return _servo_run(
         parameters, state, out, random, undeclared.table,
         np.zeros(max(1, undeclared.memory_size)), control,
-        velocity_control.velocity_controller_state(), path, np.gradient(path, STEP),
+        controller_state(), path, np.gradient(path, STEP),
         path + load / softness, bool(np.any(load != 0)))
 
 
@@ -226,7 +231,7 @@ def _servo_run(parameters, state, out, random, table, memory, control, control_s
     size = len(path)
     log = np.zeros((4, size))
     for k in range(size):
-        command = velocity_control.velocity_controller_step(
+        command = controller_step(
             control, control_state, path[k], speed[k], out.position, STEP)
         joint_sample(parameters, state, random, table, memory, STEP, command, person[k], 0.0,
                      active, out)

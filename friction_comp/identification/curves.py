@@ -1,0 +1,311 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Fits friction curves to tables of speeds and mean currents.
+
+**Eq. 6** is fitted to an identification's look-up table by the L1 error of Eq. 7. For a given
+steepness and shift of the transition it is linear in the other parameters, which reweighted least
+squares find. So only these two are searched: on a grid with transitions around every point of the
+table, then closer around the best ones. If the transition is steeper than the table resolves, all
+within a gap fit equally well. The one returned is centred as near to zero as the error allows, and
+as gentle, but ends at the lowest speed, or at 5 deg/s: friction below the table is that at its
+lowest speeds. Friction reverses at rest: a centre beyond a quarter of the lowest speed needs more
+evidence than noise.
+
+**A table of steady states**, measured elsewhere, gets offset, Coulomb and viscous friction. Viscous
+friction that differs between the directions and Stribeck friction are added where they lower
+Akaike's criterion for small samples (Hurvich and Tsai 1989). Intervals are Student's, from the
+scatter about the curve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import itertools
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import optimize
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.statistics import rms, student_quantile
+
+# Shares by which the error may increase: for a transition that is centred and gentle; and, of the
+# largest current, for one that is centred within a quarter of the lowest speed. Means at constant
+# velocity scatter by a tenth of that; where a table shows another centre, it has a point between,
+# which is off by friction.
+_TOLERANCE, _CENTRED = 3e-4, 0.1
+# rad/s at which a transition that no speed resolves has ended (in drives, at 1 to 5 deg/s), and
+# that end in units of one over the steepness. So few points leave the transition open.
+_ENDS, _ENDED, _FEW = math.radians(5.0), 2.0 * math.atanh(0.98), 6
+# Rounds of reweighting, to rank transitions and to compare the best ones; rounds of the closer
+# search, each with steps of this share of those before.
+_RANK, _CLOSE, _ROUNDS, _CLOSER = 8, 30, 14, 0.6
+_STEPS = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=2)))
+# Of steady states: steepness of the sign change, in units of one over the slowest speed; scatter
+# that is rounding, in units of the largest current; fewest pairs of neighbouring speeds that show
+# the form of the errors, and errors too small to matter, in units of the current.
+_STEEP, _ROUNDING, _FEWEST_PAIRS, _SMALL = 10.0, 1e-9, 6, 0.01
+
+
+# Eq. 6.
+
+def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]:
+    """Fit the sigmoid of Eq. 6 to a look-up table; return it and its minimal E of Eq. 7 in A.
+
+    Speeds in rad/s and mean currents in A, shape (N,), in any order. Raises InputError if the table
+    has fewer than two speeds of each sign, or is not finite.
+    """
+    speeds, currents = np.asarray(speeds, dtype=float), np.asarray(currents, dtype=float)
+    if speeds.ndim != 1 or speeds.shape != currents.shape:
+        raise InputError(f'look-up table: speeds and currents must have the same length, not '
+                         f'{speeds.shape} and {currents.shape}')
+    if not (np.all(np.isfinite(speeds)) and np.all(np.isfinite(currents))):
+        raise InputError('look-up table: speeds and currents must be finite')
+    values = np.unique(speeds)
+    if np.sum(values > 0.0) < 2 or np.sum(values < 0.0) < 2:
+        raise InputError('look-up table: at least two speeds of each sign are needed')
+
+    unit = float(np.max(np.abs(speeds)))
+    height = float(np.max(np.abs(currents))) or 1.0
+    x, y = speeds / unit, currents / height
+    steepness, shift = _well_behaved(x, y, *_search(x, y), _ENDS / unit)
+    middle, half, viscous = _fit(x, y, np.array([steepness]), shift, 2 * _CLOSE)[1][0] * height
+    sigmoid = Sigmoid(upper=float(middle + half), lower=float(middle - half),
+                      steepness=steepness / unit, shift=shift * unit, viscous=float(viscous / unit))
+    return sigmoid, sigmoid_error(sigmoid, speeds, currents)
+
+
+def sigmoid_error(sigmoid: Sigmoid, speeds: ArrayLike, currents: ArrayLike) -> float:
+    """Return E of Eq. 7 in A: the sum of absolute deviations over the look-up table."""
+    return float(np.sum(np.abs(np.asarray(currents) - sigmoid(speeds))))
+
+
+def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: ArrayLike, rounds: int
+         ) -> tuple[np.ndarray, np.ndarray]:
+    """Return L1 error, (G,), and coefficients, (G, 3), of transitions: reweighted least squares.
+
+    The columns are 1, tanh of half the steepness times the distance from the shift, and x.
+    """
+    share = np.tanh(0.5 * steepness[:, None] * (x - np.asarray(shift).reshape(-1, 1)))
+    columns = np.stack([np.ones_like(share), share, np.broadcast_to(x, share.shape)], axis=1)
+    # Outside the transition, the second column is constant like the first. Rounding grows with N.
+    ridge = 1e-13 * max(1.0, len(x) / 100.0) * np.eye(3)
+    weights = np.ones_like(share)
+    best, kept = np.full(len(share), np.inf), np.zeros((len(share), 3))
+    for k in range(rounds):
+        weighted = columns * weights[:, None]
+        found = np.linalg.solve(
+            weighted @ columns.transpose(0, 2, 1) + ridge, (weighted @ y)[..., None])[..., 0]
+        rest = np.abs(y - (found[:, None] @ columns)[:, 0])
+        better = (error := rest.sum(axis=1)) < best
+        best[better], kept[better] = error[better], found[better]
+        least = max(10.0 ** (-1.0 - 10.0 * k / _CLOSE), 1e-12)
+        weights = np.maximum(least, rest.min(axis=1, keepdims=True)) / np.maximum(rest, least)
+    return best, kept
+
+
+def _search(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Return steepness and shift with the smallest error; speeds are scaled to [-1, 1]."""
+    values = np.unique(x)
+    steepest = 40.0 / float(np.min(np.diff(values)))
+    steepness = np.geomspace(0.5, steepest, 24)
+    # Steep transitions only differ near a point.
+    beside = values[:, None] + np.array([-5.0, -2.0, -0.6, 0.6, 2.0, 5.0])[:, None, None] / (
+        steepness)
+    shift = np.concatenate([beside.reshape(-1, len(steepness)),
+                            np.repeat(np.linspace(-1.0, 1.0, 41)[:, None], len(steepness), axis=1)])
+    shift = np.clip(shift, -1.0, 1.0)
+    errors = _fit(x, y, np.tile(steepness, len(shift)), shift.ravel(), _RANK)[0]
+    order = np.argsort(errors.reshape(shift.shape), axis=0)[:2]
+    now = np.column_stack([np.tile(steepness, 2), np.take_along_axis(shift, order, 0).ravel()])
+    reach = 1.0
+    for _ in range(_ROUNDS):
+        trial = np.stack([
+            np.clip(now[:, :1] * np.exp(reach * _STEPS[:, 0]), 0.5, steepest),
+            np.clip(now[:, 1:] + reach * _STEPS[:, 1] / now[:, :1], -1.0, 1.0)], axis=2)
+        tried = _fit(x, y, trial[..., 0].ravel(), trial[..., 1].ravel(), _CLOSE)[0].reshape(
+            trial.shape[:2])
+        best = np.argmin(tried, axis=1)
+        # Half of the starts are continued, until a few are left.
+        few = np.argsort(tried.min(axis=1))[:max(6, len(now) // 2)]
+        now = trial[few, best[few]]
+        reach *= _CLOSER
+
+    def at(point: np.ndarray) -> float:
+        k = np.clip(now[:1, 0] * np.exp(point[0]), 0.5, steepest)
+        return float(_fit(x, y, k, now[0, 1] + point[1] / k, _CLOSE)[0][0])
+    # Along a valley, finer than the rounds.
+    moved = optimize.minimize(at, np.zeros(2), method='Nelder-Mead', options={
+        'fatol': 1e-12, 'initial_simplex': 0.1 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])}).x
+    best = float(np.clip(now[0, 0] * np.exp(moved[0]), 0.5, steepest))
+    return best, float(now[0, 1] + moved[1] / best)
+
+
+def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float, ends: float
+                  ) -> tuple[float, float]:
+    """Return a centred and gentle transition among those that fit equally well.
+
+    One that has ended at the lowest speed, or at `ends`, comes first. A falling viscous term must
+    not make up for a gentler one: it has a lower bound.
+    """
+    (error,), (best,) = _fit(x, y, np.array([steepness]), shift, _CLOSE)
+    lowest = float(np.min(np.abs(x[x != 0.0])))
+    limit, ended = 0.25 * lowest, _ENDED / min(lowest, ends)
+    gentler = np.geomspace(0.5, max(4.0 * steepness, 2.0 * ended), 120)
+    first = np.argsort(gentler < ended, kind='stable')
+
+    def errors_at(centre: float) -> np.ndarray:
+        errors, coefficients = _fit(x, y, gentler, centre, _CLOSE)
+        return np.where(coefficients[:, 2] >= min(best[2], 0.0) - 1e-9, errors, math.inf)
+    if abs(shift) > limit or x.size <= _FEW:
+        for centre in np.linspace(0.0, math.copysign(limit, shift), 6).tolist():
+            errors = errors_at(centre)
+            least = float(errors[gentler >= ended].min() if x.size <= _FEW else errors.min())
+            if least <= error + _CENTRED:
+                error, shift = least, centre
+                break
+    bound = error * (1.0 + _TOLERANCE) + 1e-9 * x.size
+    for centre in dict.fromkeys((shift * np.concatenate(([0.0], np.geomspace(1e-3, 1.0, 24)))
+                                 ).tolist()):
+        alike = errors_at(centre) <= bound
+        if alike.any():
+            return float(gentler[first[np.argmax(alike[first])]]), centre
+    return steepness, shift
+
+
+# Steady states.
+
+@dataclass(frozen=True)
+class SteadyStates:
+    """Friction over speed, from a table; currents in A, speeds in rad/s."""
+
+    speeds: np.ndarray
+    currents: np.ndarray
+    values: dict[str, float]    # offset (absent in one direction), coulomb, viscous, …
+    intervals: dict[str, tuple[float, float]]   # 95 %
+    model: FrictionModel
+    fit_rmse: float
+    left_out_rmse: float    # each row predicted by a fit to all others
+    plain_rmse: float       # the same of Coulomb and viscous friction alone
+    is_curved: bool         # whether errors of neighbouring speeds are alike
+
+
+def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) -> SteadyStates:
+    """Fit friction to mean currents in A at constant speeds in rad/s, shape (N,).
+
+    Raises InputError if there are too few rows.
+    """
+    used = np.isfinite(speeds) & np.isfinite(currents) & (speeds != 0.0)
+    order = np.argsort(speeds[used], kind='stable')
+    speeds, currents = speeds[used][order], currents[used][order]
+    both = bool((speeds > 0.0).any() and (speeds < 0.0).any())
+    if len(speeds) < 5 or len(np.unique(np.abs(speeds))) < 2:
+        raise InputError('a table of steady states needs at least 5 rows with two speeds, not '
+                         f'{len(speeds)}')
+    if not currents.any():
+        raise InputError('all efforts are zero: there is no friction to fit')
+    fits = [_SteadyFit(speeds, currents, both, skewed, power)
+            for skewed, power in itertools.product((False, True), (0.0, 1.0, 2.0))
+            if both or not skewed]
+    best = min(fits, key=lambda fit: fit.criterion)
+    return SteadyStates(
+        speeds=speeds, currents=currents, values=best.values, intervals=best.intervals(),
+        model=_steady_model(speeds, currents, drive, best.values, best.power),
+        fit_rmse=rms(best.residual), left_out_rmse=best.left_out(), plain_rmse=fits[0].left_out(),
+        is_curved=_is_curved(speeds, currents, best.residual))
+
+
+class _SteadyFit:
+    """Least squares of one choice of terms: their values, and how well they fit."""
+
+    def __init__(self, speeds: np.ndarray, currents: np.ndarray, both: bool, skewed: bool,
+                 power: float) -> None:
+        terms = {'coulomb': np.sign(speeds), 'viscous': speeds}
+        terms |= {'offset': np.ones_like(speeds)} if both else {}
+        terms |= {'viscous_asymmetry': np.abs(speeds)} if skewed else {}
+        size = np.abs(speeds)
+
+        def design(fading: float) -> np.ndarray:
+            stribeck = [np.sign(speeds) * np.exp(-(size / fading) ** power)] if power else []
+            return np.column_stack([*terms.values(), *stribeck])
+
+        def solved(fading: float) -> tuple[np.ndarray, np.ndarray]:
+            columns = design(fading)
+            found = np.linalg.lstsq(columns, currents, rcond=None)[0]
+            return found, currents - columns @ found
+        fading = 1.0
+        if power:
+            # As in the effect: from below the slowest to two thirds of the top speed.
+            grid = np.geomspace(0.5 * size.min(), 0.7 * size.max(), 60)
+            k = int(np.clip(np.argmin([rms(solved(one)[1]) for one in grid]), 1, len(grid) - 2))
+            fading = float(optimize.minimize_scalar(
+                lambda one: rms(solved(one)[1]), bounds=(grid[k - 1], grid[k + 1]),
+                method='bounded').x)
+        found, self.residual = solved(fading)
+        self.power, self._jacobian = power, design(fading)
+        self.values = dict(zip([*terms, *(['stribeck'] if power else [])], found.tolist()))
+        if power:
+            self.values['stribeck_speed'] = fading
+            step = 1e-4 * fading
+            slope = (design(fading + step) - self._jacobian)[:, -1] / step
+            self._jacobian = np.column_stack((self._jacobian, found[-1] * slope))
+        count, free = self._jacobian.shape
+        floor = count * (_ROUNDING * float(np.max(np.abs(currents)))) ** 2
+        squares = max(float(self.residual @ self.residual), floor)
+        # One more parameter is the scatter.
+        spare = count - free - 2
+        allowed = spare > 0 and self.values.get('stribeck', 1.0) > 0.0
+        self.criterion = count * math.log(squares / count) + 2.0 * (free + 1) * count / spare \
+            if allowed else math.inf
+
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """Return the 95 % intervals of the values."""
+        count, free = self._jacobian.shape
+        variance = float(self.residual @ self.residual) / (count - free)
+        spread = np.sqrt(variance * np.diag(np.linalg.pinv(self._jacobian.T @ self._jacobian)))
+        half = float(student_quantile(count - free)) * spread
+        return {name: (value - width, value + width)
+                for (name, value), width in zip(self.values.items(), half.tolist())}
+
+    def left_out(self) -> float:
+        """Return the RMS error of each row, predicted by a fit to the others."""
+        leverage = np.diag(self._jacobian @ np.linalg.pinv(self._jacobian))
+        return rms(self.residual / np.maximum(1.0 - leverage, 1e-6))
+
+
+def _is_curved(speeds: np.ndarray, currents: np.ndarray, residual: np.ndarray) -> bool:
+    """Return whether the errors of neighbouring speeds are more alike than chance makes them.
+
+    Errors of a hundredth of the current do not count.
+    """
+    alike = np.concatenate([side[1:] * side[:-1] for side in (
+        residual[speeds > 0.0], residual[speeds < 0.0])])
+    squares = float(np.mean(residual ** 2))
+    return len(alike) >= _FEWEST_PAIRS and squares > (_SMALL * rms(currents)) ** 2 and (
+        float(np.mean(alike)) > 2.0 * squares / math.sqrt(len(alike)))
+
+
+def _steady_model(speeds: np.ndarray, currents: np.ndarray, drive: Drive, value: dict[str, float],
+                  power: float) -> FrictionModel:
+    """Return a curve as a model with the table in it."""
+    steepness = _STEEP / float(np.min(np.abs(speeds)))
+    offset, coulomb = value.get('offset', 0.0), value['coulomb']
+    effects = [EFFECTS['stribeck']({
+        'velocity': value['stribeck_speed'], 'exponent': power, 'transition': 2.0 / steepness,
+        'coefficients': [value['stribeck']]})] if power else []
+    effects += [EFFECTS['direction_asymmetry']({
+        'offset': 1.0, 'transition': 2.0 / steepness,
+        'coefficients': [0.0, value['viscous_asymmetry']]})
+    ] if 'viscous_asymmetry' in value else []
+    means = {speed: currents[speeds == speed] for speed in np.unique(speeds)}
+    return FrictionModel(
+        drive, Sigmoid(offset + coulomb, offset - coulomb, steepness, 0.0, value['viscous']),
+        effects=effects, lookup_table={
+            'speeds': [float(speed) for speed in means],
+            'currents': [float(np.mean(one)) for one in means.values()],
+            'standard_deviations': [float(np.std(one)) for one in means.values()]})
