@@ -2,18 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rigid bodies of an arm: recursion, URDF files and the fit."""
 
-import sys
 
 from arm_maker import FRICTION, MASSES, PLANE, random_urdf, recorded, SCALES, small_arm, waves
 import numpy as np
 import pytest
 
 from friction_comp.arm.fit import fit_arm
-from friction_comp.arm.solver import Bodies, nearest_possible, pseudo_inertia
+from friction_comp.arm.solver import pseudo_inertia
 from friction_comp.arm.urdf import Chain, match_names
 from friction_comp.errors import InputError
-from friction_comp.model.arm import FREE_FALL, moving_states, Tree
-from friction_comp.samples import JointStates, Samples
+from friction_comp.model.arm import FREE_FALL, Tree
 
 # One link, as a text in which single values are replaced.
 ONE_LINK = (
@@ -89,24 +87,6 @@ def test_a_broken_document_is_refused(change, words):
     change(document)
     with pytest.raises(InputError, match=words):
         Tree.from_dict(document)
-
-
-def test_any_coordinates_give_possible_bodies_and_zeros_give_the_prior():
-    rng = np.random.default_rng(1)
-    known = [nearest_possible(row) for row in (
-        [2.0, 0.1, 0.2, -0.1, 0.2, 0.0, 0.3, 0.0, 0.0, 0.25],
-        # No mass and no inertia, as URDF files give to frames.
-        np.zeros(10))]
-    bodies = Bodies(known)
-    assert bodies.parameters(np.zeros(20))[0] == pytest.approx(np.array(known))
-    for _ in range(20):
-        found, _ = bodies.parameters(rng.normal(size=20))
-        assert all(possible(row) for row in found)
-    numbers, change = rng.normal(size=20), 1e-6 * rng.normal(size=20)
-    ahead, slopes = bodies.parameters(numbers + change)
-    behind, _ = bodies.parameters(numbers - change)
-    expected = np.einsum('lij,lj->li', slopes, 2 * change.reshape(2, 10))
-    assert ahead - behind == pytest.approx(expected, rel=1e-4, abs=1e-14)
 
 
 def simulated(seed, size, text=None, **options):
@@ -234,36 +214,3 @@ def test_joints_that_are_not_recorded_are_locked(pinocchio, tmp_path):
     # The weight of the locked link still counts.
     whole = chain_of(tmp_path, small_arm(), PLANE).tree.weight([0.2, 0.3, 0.0])
     assert chain.tree.weight([0.2, 0.3]) == pytest.approx(whole[:2])
-
-
-def test_without_pinocchio_the_error_says_how_to_get_it(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, 'pinocchio', None)
-    with pytest.raises(InputError, match=r'friction_comp\[arm\]'):
-        Chain(tmp_path / 'arm.urdf', PLANE)
-
-
-def test_motion_of_all_joints_is_differentiated_alike():
-    q, v, a = waves(np.random.default_rng(8), 800, 3, 0.01)
-    samples = Samples(time=np.arange(800) * 0.01, position=q[:, 1], current=q[:, 1], joint='lift',
-                      arm=JointStates(PLANE, q))
-    settings = {'source': 'position', 'bandwidth': 20.0}
-    place, speed, rate = moving_states(samples, PLANE[::-1], settings)
-    assert place == pytest.approx(q[:, ::-1])
-    assert speed[50:-50] == pytest.approx(v[50:-50, ::-1], abs=0.01)
-    assert rate[50:-50] == pytest.approx(a[50:-50, ::-1], abs=0.05)
-    with pytest.raises(InputError, match='gripper'):
-        moving_states(samples, ('gripper',), settings)
-
-
-def test_joint_states_go_with_their_samples():
-    q = np.arange(30.0).reshape(10, 3)
-    samples = Samples(time=np.arange(10.0), position=q[:, 0], current=q[:, 0],
-                      arm=JointStates(PLANE, q, -q))
-    part = samples.take(slice(2, 5))
-    assert part.arm.position == pytest.approx(q[2:5])
-    both = Samples.concatenate([part, samples.take(slice(7, 8))])
-    assert both.arm.velocity == pytest.approx(-q[[2, 3, 4, 7]])
-    with pytest.raises(InputError, match=r'samples\.arm'):
-        samples.with_(arm=JointStates(PLANE, q[:4]))
-    with pytest.raises(InputError, match='shape'):
-        JointStates(('one',), q)

@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 from test_prepare import swings
 
-from friction_comp.errors import InputError
-from friction_comp.model.differentiation import (
-    differentiate,
-    filtered_as_acceleration,
-    prepared_signal,
-    settings_of,
-)
+from friction_comp.model.differentiation import differentiate, prepared_signal
 from friction_comp.samples import Samples
 
 SETTINGS = {'source': 'position', 'bandwidth': 20.0}
@@ -64,21 +58,6 @@ def slow_signal(time):
     return np.sin(2.0 * time) + 0.5 * np.cos(5.0 * time)
 
 
-@pytest.mark.parametrize('bandwidth', [None, 12.0])
-def test_a_torque_behind_the_filter_of_acceleration_is_inertia_times_it(bandwidth):
-    """Steps of speed that take three samples at 50 Hz: acceleration shows four fifths."""
-    time, fine = np.arange(0.0, 20.0, 0.02), np.arange(0.0, 20.0, 1e-3)
-    acceleration = 8.0 * np.sin(2.0 * np.pi * 0.4 * fine) ** 301
-    velocity = np.cumsum(acceleration) * 1e-3
-    moved = differentiate(
-        Samples(time=time, position=(np.cumsum(velocity) * 1e-3)[::20], current=0.0 * time),
-        settings := {'source': 'position', 'bandwidth': bandwidth})
-    torque = 0.3 * acceleration[::20]
-    seen = filtered_as_acceleration(torque, moved, settings)[50:-50]
-    assert 0.3 * np.max(moved.acceleration) < 0.82 * np.max(torque)
-    assert seen == pytest.approx(0.3 * moved.acceleration[50:-50], abs=0.07 * np.max(torque))
-
-
 @pytest.mark.parametrize('rest', [False, True])
 def test_a_value_that_is_held_is_interpolated_and_a_signal_at_rest_stays(rest):
     time = np.arange(2000) * 1e-3
@@ -102,11 +81,3 @@ def test_a_measured_signal_is_freed_of_noise_and_lag_and_keeps_what_is_missing()
     assert np.isfinite(found).sum() == 3990
     error = (found - slow_signal(time))[200:-200]
     assert np.sqrt(np.nanmean(error ** 2)) < 0.15
-
-
-@pytest.mark.parametrize(('signals', 'words'), [
-    ({'torque': {}}, 'signals'), ({'load': {'bandwidth': -1.0}}, 'signals.load.bandwidth'),
-    ({'load': {'lag': 'long'}}, 'signals.load.lag'), ({'load': {'width': 1.0}}, 'signals.load')])
-def test_wrong_settings_of_a_signal_are_named(signals, words):
-    with pytest.raises(InputError, match=words):
-        settings_of({'signals': signals}, 'differentiation')

@@ -5,15 +5,14 @@
 from dataclasses import replace
 import math
 
-from effect_maker import COLUMNS, defaults, parameters_of, samples_of
+from effect_maker import defaults, parameters_of, samples_of
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
 from friction_comp.model.effects import Coverage, EFFECTS
-from friction_comp.model.effects.base import LiveTerm, SHARPEST_LIVE, Signals, with_range
+from friction_comp.model.effects.base import LiveTerm, Signals
 from friction_comp.model.effects.history_effects import Backlash, Hysteresis
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -26,8 +25,6 @@ EVEN = {'direction_asymmetry', 'gravity', 'spring', 'cogging', 'load_torque', 'o
 HOLDS = {'gravity', 'spring', 'cogging', 'rigid_body', 'other_joints'}
 LIVE = [name for name in EFFECTS if name not in (
     'warm_up', 'inertia', 'load_torque', 'offset_drift')]
-POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
-            'gap', 'time_constant', 'speed')
 COVERAGE = Coverage(transition=0.02, speed=1.0, slowest=0.01, lowest=-1.0, highest=1.0,
                     duration=100.0, resolution=1e-5)
 MOTION = samples_of(np.sin(0.013 * np.arange(500)), 1.3 * np.cos(0.013 * np.arange(500)))
@@ -67,31 +64,6 @@ SHAPES = [
 def test_the_current_is_what_the_docstring_says(effect, changes, place, speed, expected):
     found = current_of(effect, place, speed, **changes)
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-4 if 0.0 in expected else 1e-12)
-
-
-@pytest.mark.parametrize('name', ['cogging', 'friction_ripple', 'gravity'])
-def test_ripple_and_gravity_repeat_with_their_period(name):
-    position = np.linspace(-1.0, 1.0, 201)
-    period = 2 * math.pi / (12.0 if name != 'gravity' else 1.0)
-    here, again, half = (current_of(name, position + share * period, np.full(201, 0.5))
-                         for share in (0.0, 1.0, 0.5))
-    assert again == pytest.approx(here, abs=1e-12)
-    assert half == pytest.approx(-here, abs=1e-12)
-
-
-@pytest.mark.parametrize('exponent', [0.45, 0.75, 1.4, 2.5])
-def test_beyond_the_speeds_seen_friction_bends_no_further(exponent):
-    seen, far = np.linspace(0.05, 1.0, 200), np.array([1.25, 4.0])
-    friction = 0.3 + 0.1 * seen + 0.05 * seen ** 2
-    effect = EFFECTS['viscous_shape'](
-        {'exponent': exponent, 'reference': 1.0, 'transition': 1e-3, 'coefficients': [1.0]},
-        {'velocity': [-1.25, 1.25]})
-    columns = [np.column_stack((np.ones_like(speed), speed, effect.current(
-        samples_of(0.0, speed)))) for speed in (seen, far)]
-    found = np.linalg.lstsq(columns[0], friction, rcond=None)[0]
-    alone, (near, beyond) = np.polyfit(seen, friction, 1)[0], columns[1] @ found
-    assert found[1] == pytest.approx(alone, rel=0.05)
-    assert beyond - near == pytest.approx(alone * 2.75, rel=0.05)
 
 
 @pytest.mark.parametrize('name', ['warm_up', 'offset_drift'])
@@ -157,16 +129,6 @@ def test_behind_a_backlash_friction_returns_after_the_gap_however_finely_it_is_s
             pytest.approx([-1.0, -0.5, 0.0, 0.0, 0.5, 1.0, 1.0]))
 
 
-def test_damping_of_the_bristles_is_the_change_of_their_state():
-    time = np.arange(0.0, 4.0, 0.001)
-    samples = samples_of(0.5 * np.sin(2.0 * time), np.cos(2.0 * time), step=0.001)
-    kind, still = EFFECTS['hysteresis'], {'distance': 0.1, 'exponent': 1.3, 'transition': 1e-4}
-    state, change = (kind({**still, 'coefficients': both}).current(samples)
-                     for both in ([1.0, 0.0], [0.0, 1.0]))
-    inner = np.abs(samples.velocity) > 0.05
-    assert change[inner] == pytest.approx(np.gradient(state, time)[inner], abs=0.05)
-
-
 @pytest.mark.parametrize('name', ['hysteresis', 'backlash', 'rest_time'])
 def test_long_recordings_have_the_same_states_as_short_ones(name):
     """Those are compiled; a recording of two halves is the same as each."""
@@ -175,30 +137,6 @@ def test_long_recordings_have_the_same_states_as_short_ones(name):
     both = Samples.concatenate([half, half])
     effect = EFFECTS[name](defaults(name))
     assert effect.current(both) == pytest.approx(np.tile(effect.current(half), 2), abs=1e-12)
-
-
-@pytest.mark.parametrize('name', EFFECTS)
-def test_wrong_parameters_are_named_in_one_line(name):
-    samples, size = samples_of(np.linspace(0, 1, 20), np.ones(20)), COLUMNS.get(name, 1)
-    with pytest.raises(InputError, match=f"'{name}' takes {size} coefficients"):
-        EFFECTS[name](defaults(name, coefficients=[0.1] * (size + 1))).current(samples)
-    wrong = [('coefficients', value) for value in (0.1, 'abc', {'a': 1}, [math.nan], None)]
-    wrong += [(key, value) for key in EFFECTS[name].constants
-              for value in ('fast', None, True, [1.0], math.nan, math.inf)]
-    wrong += [(key, value) for key in EFFECTS[name].constants if key in POSITIVE
-              for value in (0.0, -0.1)]
-    for key, value in wrong:
-        with pytest.raises(InputError, match=key) as caught:
-            EFFECTS[name]({**defaults(name), key: value})
-        assert '\n' not in str(caught.value)
-    with pytest.raises(InputError, match='unknown'):
-        EFFECTS[name](defaults(name, colour=1.0))
-    for key in EFFECTS[name].constants:
-        with pytest.raises(InputError, match=key):
-            EFFECTS[name]({k: v for k, v in defaults(name).items() if k != key})
-    for signal in set(EFFECTS[name].needs) - {'acceleration'}:
-        with pytest.raises(InputError, match=signal):
-            EFFECTS[name](defaults(name)).current(samples.with_(**{signal: None}))
 
 
 @pytest.mark.parametrize('name', EFFECTS)
@@ -266,31 +204,6 @@ def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
     assert again == pytest.approx(live[:100], rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize('name', EFFECTS)
-def test_an_effect_describes_itself_and_says_why_it_is_not_fed_back(name):
-    effect = EFFECTS[name](defaults(name))
-    assert len(effect.describe()) > 10
-    assert effect.formula()
-    assert bool(effect.not_fed_back) == (name not in LIVE)
-
-
-def test_live_signs_are_never_sharper_than_stated():
-    sharp = {**defaults('stribeck'), 'transition': 1e-5}
-    term = LiveTerm(EFFECTS['stribeck'](sharp))
-    assert term.update(0.0, 0.0, 0.1 * SHARPEST_LIVE) < 0.2 * sharp['coefficients'][0]
-
-
-@pytest.mark.parametrize('name, constants', [
-    ('hysteresis', {'distance': 0.9}), ('stribeck', {'velocity': 0.9}),
-    ('hysteresis', {'distance': 0.05}), ('stribeck', {'velocity': 0.1})])
-def test_a_constant_is_kept_where_the_effect_is_what_its_name_says(name, constants):
-    kind, (key, value) = EFFECTS[name], *constants.items()
-    full = {**dict.fromkeys(kind.constants, 1.0), 'transition': 0.02, **constants}
-    kept = kind.limited(key, value, full, COVERAGE)
-    assert (kept == value) == (value <= 0.1)
-    assert kept <= value
-
-
 @pytest.mark.parametrize('name, changes', [
     ('gravity', {'lowest': 0.0, 'highest': 0.034}), ('rest_time', {'rest_duration': 0.2}),
     ('warm_up', {'duration': 27.0}), ('hysteresis', {'distinct_positions': 28.0}),
@@ -312,14 +225,3 @@ def test_beyond_its_fitted_range_an_effect_keeps_its_value_at_the_edge():
     assert warm.update(0.0, 0.0, 1.0, temperature=90.0) == warm.update(
         0.0, 0.0, 1.0, temperature=40.0)
     assert np.isnan(warm.update(0.0, 0.0, 1.0, temperature=np.nan))
-
-
-def test_the_fitted_range_is_that_of_the_motion_without_a_stray_sample():
-    motion = samples_of(np.sin(0.0043 * np.arange(3000)), 1.0)
-    position = motion.position.copy()
-    position[100] = 50.0
-    spring = EFFECTS['spring']({'position': 0.0, 'coefficients': [2.0]})
-    low, high = with_range(spring, motion.with_(position=position)).valid_range['position']
-    quarter = 0.25 * np.ptp(motion.position)
-    assert (low, high) == pytest.approx(
-        (motion.position.min() - quarter, motion.position.max() + quarter), abs=0.08)

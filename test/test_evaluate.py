@@ -3,21 +3,18 @@
 """The evaluation of trials with known torques returns these torques, condition by condition."""
 
 from dataclasses import replace
-from datetime import datetime
 import json
-import time
 
 from helpers import note_model
 import numpy as np
 import pytest
-from recording_maker import record_with_diagnostics, STORE
+from recording_maker import record_with_diagnostics
 
 from friction_comp.__main__ import run
-from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate, evaluate_recordings
 from friction_comp.evaluation.repetitions import Compensation, find_movements
 from friction_comp.model.model_file import write_arm
-from friction_comp.recordings import read_recording_with_info, RecordingInfo, write_samples
+from friction_comp.recordings import RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
 from friction_comp.reports.evaluation_page import measure_text, remarks, verdict
 from friction_comp.samples import Samples
@@ -164,18 +161,6 @@ def test_what_was_not_recorded_is_not_invented():
     assert sorted(c.repetitions for c in cut.conditions) == [2, 3]
 
 
-@pytest.mark.parametrize('change', [
-    {'position': np.zeros}, {'reference_velocity': np.zeros},
-    # An oscillation by one count is no movement.
-    {'position': lambda count: 1e-3 * (np.arange(count) // 300 % 2)}])
-def test_a_recording_without_movements_is_refused(change):
-    samples = trial([1.0] * 2)
-    if 'position' in change:
-        samples = samples.with_(reference_velocity=None, reference_position=None)
-    with pytest.raises(InputError, match='no movement'):
-        evaluate([samples.with_(**{name: make(len(samples)) for name, make in change.items()})])
-
-
 def stuck_trial(set_out=None):
     """Make a trial of two movements in which the joint stands still, or sets out too late.
 
@@ -225,14 +210,6 @@ def test_without_a_torque_sensor_motion_and_current_still_speak():
         assert 'peak_torque' not in condition.figures
         # It counts as started after a hundredth of the distance.
         assert condition.figures['onset'].mean == pytest.approx(0.25, abs=0.06)
-
-
-def test_a_torque_of_the_wrong_sign_is_noted():
-    samples = trial([1.0] * 8, step=2e-2)
-    still = samples.with_(command=np.zeros(len(samples)))
-    for sign, offset, noted in ((1, 0.0, False), (-1, 0.0, True), (1, 0.6, False), (-1, 0.6, True)):
-        evaluation = evaluate([still.with_(load=sign * still.load + offset)])
-        assert noted == any('interaction_wrench may be wrong' in note for note in evaluation.notes)
 
 
 # Conditions: who compensated, and how.
@@ -289,28 +266,6 @@ def test_a_movement_during_which_the_law_changed_counts_for_none(after, before, 
     assert len(evaluation.repetitions) == counted
 
 
-def test_only_a_change_that_matters_is_one():
-    """Not another joint's model, nor what a compensator that does nothing has loaded."""
-    samples = both([1.0] * 4)
-
-    def found(*reports, **changes):
-        about = RecordingInfo('trial', 'elbow', activity=[
-            (since, Activity(0, *report).of('elbow')) for since, report in zip(
-                (0.0, PERIOD + REST + 1.0), reports)])
-        return sorted(r.compensation.law for r in evaluate(
-            [samples.with_(**changes)], about=[about]).repetitions)
-
-    files = 'shoulder, elbow'
-    assert found(('active', 'paper', 'a.yaml, b.yaml', files),
-                 ('active', 'paper', 'c.yaml, b.yaml', files)) == ['paper'] * 4
-    assert found(('unconfigured', 'paper', ''), ('inactive', 'continuous', 'a.yaml')) == [
-        'none'] * 4
-    # Starting or stopping on the way is one, unless all commands were zero.
-    started = ('inactive', 'paper', 'a.yaml'), ('active', 'paper', 'a.yaml')
-    assert found(*started) == ['none', 'paper', 'paper']
-    assert found(*started, command=np.zeros(len(samples))) == ['none'] * 4
-
-
 def test_a_compensator_that_fell_silent_compensates_nothing(tmp_path):
     """Its last report says active, and its last command is a current."""
     samples = both([1.0] * 10)
@@ -331,56 +286,7 @@ def test_a_compensator_that_fell_silent_compensates_nothing(tmp_path):
         ['continuous'] * 2 + ['none'] * 3 + ['continuous'] * 2 + ['none'] * 2)
 
 
-def phase(message):
-    """Make of a compensator's word one of identification that moves the joint."""
-    status = message.status[0]
-    status.name, status.message = 'arm/identification: identification', 'identifies elbow'
-    status.values = [STORE.types['diagnostic_msgs/msg/KeyValue']('phase', 'velocities')]
-
-
-@pytest.mark.parametrize(('since', 'change', 'from_start'), [
-    (3, lambda message: None, True), (12, lambda message: None, False), (3, phase, False)])
-def test_a_compensators_first_report_also_applies_to_the_time_just_before(
-        tmp_path, since, change, from_start):
-    record_with_diagnostics(
-        tmp_path / 'r', both([1.0] * 4), [(since, ('continuous', 'a.yaml'))], change)
-    (_, info), = read_recording_with_info([tmp_path / 'r'], 'elbow')
-    assert info.activity[0][0] == pytest.approx(0.0 if from_start else since, abs=0.1)
-
-
-def test_what_identification_moved_is_left_out(tmp_path):
-    record_with_diagnostics(tmp_path / 'moved', both([1.0] * 4), [(0, ('', ''))], phase)
-    write_samples(tmp_path / 'pushed', both([0.4] * 4))
-    evaluation, = evaluate_recordings([tmp_path / 'moved', tmp_path / 'pushed'])
-    assert laws(evaluation) == {''}
-    assert sum(c.repetitions for c in evaluation.conditions) == 4
-    alone, = evaluate_recordings([tmp_path / 'moved'])
-    assert laws(alone) == {'identification'}
-
-
-def test_an_afternoon_is_one_day_in_the_laboratory_whatever_its_date_in_greenwich(monkeypatch):
-    monkeypatch.setenv('TZ', 'America/Los_Angeles')
-    time.tzset()
-    # 15:50 and 16:10 there, around midnight in Greenwich.
-    about = [replace(LAW, start=datetime.fromisoformat(f'2026-03-02T{at}-08:00').timestamp())
-             for at in ('15:50', '16:10')]
-    evaluation = evaluate([both([1.0] * 4), both([1.0] * 4, 1)], about=about)
-    monkeypatch.undo()
-    time.tzset()
-    assert {r.day for r in evaluation.repetitions} == {'2026-03-02'}
-
-
 # The program.
-
-
-def test_the_verdict_compares_with_the_least_help_there_is():
-    plain, helped = both([1.0] * 4), both([0.4] * 4)
-    for about, samples, least in (
-            (KINETIC, plain, 'kinetic'),
-            (info_of(), plain.with_(command=np.zeros(len(plain)), direction=None), 'none')):
-        evaluation = evaluate([samples, helped], about=[about, LAW])
-        assert [one.law for one in evaluation.pair()] == [least, 'continuous']
-        assert evaluation.reduction('peak_torque') == pytest.approx(0.6, abs=0.05)
 
 
 def test_a_joint_that_stuck_took_more_than_was_given():
@@ -425,9 +331,3 @@ def test_each_joint_is_evaluated_and_compared_with_its_own_model(tmp_path, capsy
     # A program gets the report on standard output.
     assert run('evaluate', [*command, '--json']) == 0
     assert json.loads(capsys.readouterr().out) == report
-
-
-def test_one_bad_recording_alone_is_an_error(tmp_path):
-    (tmp_path / 'broken.mcap').write_bytes(b'no recording')
-    with pytest.raises(InputError, match=r'broken\.mcap'):
-        evaluate_recordings([tmp_path / 'broken.mcap'])

@@ -60,28 +60,6 @@ def test_the_stated_export_error_is_that_of_the_missing_effect():
     assert joint.coulomb == pytest.approx(0.2 * GAIN, rel=0.02)
 
 
-@pytest.mark.parametrize('form', ['mujoco', 'csv'])
-def test_what_refine_doubted_or_took_for_granted_is_said_with_the_numbers(tmp_path, capsys, form):
-    doubtful = replace(PLAIN, notes={
-        'verdict': 'trust in part', 'reasons': ['Motion was in one direction only.'],
-        'assumed': ['position in rad']})
-    text = exported(tmp_path, doubtful, form)
-    # A table has no place for words.
-    said = capsys.readouterr().out if form == 'csv' else text
-    assert '`trust in part`: Motion was in one direction only' in said
-    assert 'Taken for granted: position in rad' in said
-
-
-@pytest.mark.parametrize('form', ['mujoco', 'urdf', 'isaac'])
-def test_friction_that_falls_with_speed_is_not_written_as_negative_nor_lost_silently(
-        tmp_path, form):
-    falling = replace(PLAIN, effects=[], sigmoid=replace(PLAIN.sigmoid, viscous=-0.05))
-    text = exported(tmp_path, falling, form)
-    assert re.search(r'(damping="|viscous_friction: )0\D', text)
-    assert f'viscous {-0.05 * GAIN:.4g}: simulators take none below zero' in text
-    assert 'misses nothing' not in text
-
-
 def test_a_linear_axis_with_a_motor_constant_is_no_hinge(tmp_path):
     axis = replace(PLAIN, notes={'unit': 'A', 'position_unit': 'm'})
     text = exported(tmp_path, axis, 'mujoco')

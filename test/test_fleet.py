@@ -3,7 +3,6 @@
 """A fleet: which unit is out, what varies, and what the population tells of a unit more."""
 
 from dataclasses import replace
-import pickle
 
 import numpy as np
 import pytest
@@ -134,14 +133,6 @@ def test_what_differs_from_day_to_day_is_no_spread_between_units():
     spread = spread_of(units)
     assert spread.interval[0] == 0.0
     assert spread.deviation < 0.2
-
-
-def test_workers_send_sums_whose_size_does_not_depend_on_the_recording(model):
-    common = CommonModel.of([model])
-    short, long = (pickle.dumps(common.sums([recorded(1, seconds)], model, False))
-                   for seconds in (10.0, 100.0))
-    assert len(short) == len(long)
-    assert len(short) < 10_000
 
 
 def test_an_effect_is_common_if_half_of_the_recordings_show_it(model):

@@ -178,21 +178,6 @@ def test_a_mass_is_in_kg():
     assert in_own_units(friction_rows(friction_of(force))[-1].value, True) == '0.145 kg'
 
 
-def test_a_delay_too_short_to_be_found_is_in_the_interval_of_inertia():
-    time = np.arange(0.0, 40.0, 0.005)
-    parts = ((0.9, 2 * np.pi * 0.31, 0.0), (0.5, 2 * np.pi * 0.83, 0.0))
-    (q, _, _), (_, v, a) = sines(time, parts), sines(time - 0.006, parts)
-    torque = (TRUTH['offset'] + TRUTH['coulomb'] * np.tanh(v / 0.02) + TRUTH['viscous'] * v
-              + TRUTH['inertia'] * a)
-    noise = np.random.default_rng(1).standard_normal((2, len(time)))
-    found = refine([Samples(time=time, position=q + 2e-5 * noise[0],
-                            current=torque + 0.05 * noise[1])])
-    # Neither the delay nor its effect, viscous friction times the delay, may be passed over.
-    assert 'lag' not in found.model.differentiation
-    low, high = found.report.friction.intervals['inertia']
-    assert low < TRUTH['inertia'] < high < 1.1 * low
-
-
 def test_a_velocity_that_the_drive_filtered_does_not_count_as_inertia():
     samples = recording()
     time = samples.time
@@ -221,28 +206,6 @@ def test_a_current_at_its_limit_does_not_bend_the_friction():
         assert getattr(report.friction, name) == pytest.approx(TRUTH[name], rel=0.06)
 
 
-def test_a_coefficient_that_physics_keeps_at_zero_is_not_certain():
-    # Viscous friction of -0.06 N·m·s/rad is none that a drive has; noise hides what it stands for.
-    samples = recording(extra=lambda v, q: -0.21 * v, seconds=20.0)
-    noisy = samples.current + 0.4 * np.random.default_rng(3).standard_normal(len(samples))
-    friction = refine([samples.with_(current=noisy)]).report.friction
-    assert friction.viscous == pytest.approx(0.0, abs=1e-6)
-    low, high = friction.intervals['viscous']
-    assert low < -0.02
-    assert high > 0.02
-
-
-def test_the_rows_name_every_number_with_interval_and_unit(refined):
-    rows = {row.key: row for row in friction_rows(refined.report.friction)}
-    assert list(rows) == ['coulomb', 'viscous', 'offset', 'transition', 'inertia']
-    for name, unit in (('coulomb', 'N·m'), ('viscous', 'N·m·s/rad'), ('inertia', 'kg·m²')):
-        assert rows[name].value.endswith(f' {unit}')
-        assert ' to ' in rows[name].interval
-    formula = refined.report.friction.formula
-    assert formula.startswith('torque = 0.50')
-    assert formula.endswith('[N·m, v in rad/s]')
-
-
 def test_friction_that_the_sigmoid_lacks_is_part_of_coulomb_friction():
     """A refined model may leave Coulomb friction of the sigmoid near zero to a hysteresis."""
     hysteresis = EFFECTS['hysteresis']({
@@ -256,23 +219,6 @@ def test_friction_that_the_sigmoid_lacks_is_part_of_coulomb_friction():
     asymmetry = EFFECTS['direction_asymmetry']({
         'offset': 0.0, 'transition': 0.03, 'coefficients': [0.1, 0.0]})
     assert line_of(replace(PLAIN, effects=[asymmetry]))['offset'] == pytest.approx(0.14)
-
-
-def test_a_model_file_keeps_speeds_and_intervals_until_it_is_changed(refined, tmp_path):
-    refined.model.save(tmp_path / 'model.yaml')
-    read = FrictionModel.load(tmp_path / 'model.yaml')
-    assert read.recorded == refined.model.recorded
-    value = line_of(read)['coulomb']
-    assert read.recorded.interval('coulomb', value)
-    assert read.recorded.interval('coulomb', 2.0 * value) is None
-
-
-def test_the_uncertainty_of_friction_is_measured_or_half_an_interval():
-    told = replace(PLAIN, recorded=Recorded((1.0,), {'coulomb': (0.48, 0.52)}))
-    assert FrictionModel.from_dict(told.to_dict()).friction_uncertainty == pytest.approx(0.04)
-    measured = replace(told, uncertainty=0.02)
-    assert FrictionModel.from_dict(measured.to_dict()).friction_uncertainty == 0.02
-    assert PLAIN.friction_uncertainty is None
 
 
 @pytest.mark.parametrize('slow', [True, False])

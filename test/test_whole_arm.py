@@ -16,11 +16,8 @@ from recording_maker import DATA, needs_data
 
 from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.drive import Drive
-from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
-from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import read_arm, write_samples
 from friction_comp.statistics import rms
 from friction_comp.tools import predict, refine as refine_tool
@@ -95,45 +92,6 @@ def test_predict_needs_no_urdf_and_is_right_on_another_recording(refined, joint,
     assert own == pytest.approx(error, abs=1e-6)
 
 
-def test_what_does_not_belong_to_the_arm_is_refused_in_one_line(refined, tmp_path, refuses):
-    whole = refined / 'out' / 'model.yaml'
-    assert FrictionModel.load(whole, 'bend').joint == 'bend'
-    with pytest.raises(InputError, match='several joints'):
-        FrictionModel.load(whole)
-    with pytest.raises(InputError, match="no joint 'wrist' in it, but"):
-        FrictionModel.load(whole, 'wrist')
-    write_samples(tmp_path / 'alone', trial(3, 400)[1])
-    FrictionModel(drive=Drive(0.1, 100.0), sigmoid=Sigmoid(0.2, -0.2, 400.0), joint='wrist').save(
-        tmp_path / 'wrist.yaml')
-    urdf = ['--urdf', refined / 'arm.urdf']
-    for words, *arguments in (
-            ('turn', 'predict', tmp_path / 'alone', '--model',
-             refined / 'out' / 'lift' / 'model.yaml'),
-            ("wrist.yaml: is of joint 'wrist', but recorded are 'turn', 'lift', 'bend'", 'refine',
-             refined / 'fit', *urdf, '--model', tmp_path / 'wrist.yaml'),
-            ('nowhere.urdf: cannot be read', 'refine', refined / 'fit', '--urdf',
-             tmp_path / 'nowhere.urdf'),
-            ("joint 'wrist' is not in the URDF", 'refine', refined / 'fit', *urdf, '--joint',
-             'wrist')):
-        refuses(words, *arguments)
-
-
-@pytest.mark.parametrize('model, known', [('model.yaml', True), ('lift/model.yaml', False)])
-def test_masses_are_fitted_to_torques_where_all_drives_are_known(refined, tmp_path, monkeypatch,
-                                                                 model, known):
-    seen = []
-
-    def stop(chain, samples, scales, *others):
-        seen.append(scales)
-        raise InputError('enough')
-    monkeypatch.setattr('friction_comp.arm.whole_arm.fit_arm', stop)
-    with pytest.raises(InputError, match='enough'):
-        refine_tool.main([
-            str(refined / 'fit'), '--urdf', str(refined / 'arm.urdf'), '--model',
-            str(refined / 'out' / model), '--output', str(tmp_path / 'out')])
-    assert (seen[0] is not None) == known
-
-
 def test_a_joint_that_stands_still_is_left_out_and_a_gripper_may_be_there(refined, tmp_path,
                                                                         capsys):
     """Only the last joint moves; two recordings; a gripper without effort beside the arm."""
@@ -172,18 +130,6 @@ def test_the_weight_of_the_arm_is_fed_forward_or_left_to_the_robot(refined):
     alone.update(0.0, [0.4], [0.0], [0])
     assert alone.terms['effects'] == pytest.approx([0.0])
     assert 'rigid_body' in [effect for _, effect, _ in alone.left_out]
-
-
-def test_a_load_takes_the_current_that_it_takes_where_the_drives_are_unknown(refined):
-    parts = {samples.joint: samples for samples in trial(3)}
-    name = PLANE[-1]
-    load = 2.0 * np.sin(3.7 * parts[name].time)
-    parts[name] = parts[name].with_(load=load, current=parts[name].current - SCALES[-1] * load)
-    result = refine_arm({joint: [samples] for joint, samples in parts.items()},
-                        refined / 'arm.urdf', {joint: Drive(1.0, 1.0) for joint in PLANE},
-                        only=[name]).results[name]
-    effects = {effect.name: effect.parameters for effect in result.report.effects}
-    assert effects['load_torque']['coefficients'] == pytest.approx([-SCALES[-1]], rel=0.1)
 
 
 def test_other_joints_are_named_where_no_urdf_says_more(refined, tmp_path):
