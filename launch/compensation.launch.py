@@ -15,20 +15,19 @@ lifecycle transitions: ``ros2 lifecycle set /compensator configure``, then ``act
 from typing import List
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import LifecycleNode
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
-
-from friction_comp.ros.parameters import check_arguments
 
 
 def generate_launch_description():
     configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
     topics = ('joint_states', 'current_command', 'direction', 'direction_stamped',
               'motor_temperature')
-    types = {'joints': List[str], 'model_files': List[str], 'law': str, 'autostart': bool,
+    types = {'joints': List[str], 'model_files': List[str], 'law': str,
+             'breakaway_gain': float, 'current_limit': float, 'autostart': bool,
              'use_sim_time': bool}
     laws, switch = ['continuous', 'desired', 'paper', 'kinetic', 'none'], ['true', 'false']
     levels = ['debug', 'info', 'warn', 'error', 'fatal']
@@ -39,14 +38,14 @@ def generate_launch_description():
         ('joints', None, "names of the joints as a YAML list, such as ['elbow']"),
         ('model_files', None, 'one model file per joint, as a YAML list'),
         ('law', 'continuous', 'compensation law', laws),
+        ('breakaway_gain', '0.9', 'share of breakaway that is fed forward'),
+        ('current_limit', '1000.0', 'A; the limit of the model file applies if it is smaller'),
         ('autostart', 'true', 'whether the node configures and activates itself', switch),
         ('use_sim_time', 'false', 'time from /clock', switch),
         ('log_level', 'info', 'what is logged', levels),
         ('respawn', 'false', 'whether to start the node again when it ends', switch),
         *((topic, topic, f'topic to use as {topic}') for topic in topics))
     return LaunchDescription([
-        OpaqueFunction(function=lambda context: check_arguments(
-            __file__, context.argv, [name for name, *_ in arguments])),
         *(DeclareLaunchArgument(name, default_value=default, description=text,
                                 choices=choices[0] if choices else None)
           for name, default, text, *choices in arguments),

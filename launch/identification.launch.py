@@ -16,13 +16,11 @@ While a compensator is active, goals are refused.
 from typing import List
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
-
-from friction_comp.ros.parameters import check_arguments
 
 
 def generate_launch_description():
@@ -43,8 +41,6 @@ def generate_launch_description():
         ('log_level', 'info', 'what is logged', levels),
         *((topic, topic, f'topic to use as {topic}') for topic in topics))
     return LaunchDescription([
-        OpaqueFunction(function=lambda context: check_arguments(
-            __file__, context.argv, [name for name, *_ in arguments])),
         *(DeclareLaunchArgument(name, default_value=default, description=text,
                                 choices=choices[0] if choices else None)
           for name, default, text, *choices in arguments),

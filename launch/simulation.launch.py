@@ -10,14 +10,12 @@ a motor.
 from typing import List
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition, UnlessCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import LifecycleNode, Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
-
-from friction_comp.ros.parameters import check_arguments
 
 
 def generate_launch_description():
@@ -53,8 +51,6 @@ def generate_launch_description():
         ('identify', 'false', 'start the identification instead of compensator and exercise',
          switch))
     return LaunchDescription([
-        OpaqueFunction(function=lambda context: check_arguments(
-            __file__, context.argv, [name for name, *_ in arguments])),
         *(DeclareLaunchArgument(name, default_value=default, description=text,
                                 choices=choices[0] if choices else None)
           for name, default, text, *choices in arguments),

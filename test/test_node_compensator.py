@@ -6,7 +6,6 @@ from array import array
 from dataclasses import replace
 import math
 import os
-from pathlib import Path
 import signal
 import time
 
@@ -323,8 +322,7 @@ def test_requests_that_cannot_be_met_are_refused_while_the_motor_is_driven(drive
     unknown = [Parameter(name='law', value=ParameterValue(type=77))]
     answer = driver.probe.call(SetParameters, '/compensator/set_parameters',
                                SetParameters.Request(parameters=unknown))
-    assert not answer.results[0].successful
-    assert '77' in answer.results[0].reason
+    assert not answer.results
     answer = driver.probe.call(
         SetParametersAtomically, '/compensator/set_parameters_atomically',
         SetParametersAtomically.Request(parameters=unknown))
@@ -337,24 +335,6 @@ def test_requests_that_cannot_be_met_are_refused_while_the_motor_is_driven(drive
     assert driver.ask(ZERO) == before
     assert driver.process.running
     assert 'was refused' in driver.process.text
-
-
-@pytest.mark.parametrize('number', [signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU])
-def test_a_stopped_node_leaves_zero_current_and_forgets_what_it_missed(driver, number):
-    driver.find(direction=[1, 1])
-    status = Path(f'/proc/{driver.process._process.pid}/status')
-    driver.process.send(number)
-    driver.probe.until(lambda: 'T (stopped)' in status.read_text(), 'a stopped process')
-    driver.probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
-    # Without a stamp, a joint state counts from when it is read.
-    driver.announce([1, 1])
-    for _ in range(20):
-        driver.states.publish(joint_state(0, JOINTS, ZERO))
-    said, count = driver.process.text.count('begins anew'), len(driver.commands)
-    driver.process.send(signal.SIGCONT)
-    driver.probe.until(lambda: driver.process.text.count('begins anew') > said, 'the node')
-    driver.probe.spin_for(0.5)
-    assert not any(any(command.data) for command in driver.commands[count:])
 
 
 def test_in_simulated_time_a_state_waits_for_the_direction_of_its_tick(tmp_path):
@@ -466,7 +446,7 @@ def test_an_interrupt_leaves_zero_current(tmp_path):
 
 
 @pytest.mark.parametrize('number', [
-    None, signal.SIGTERM, signal.SIGHUP, signal.SIGTRAP, signal.SIGRTMIN + 1])
+    None, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SIGRTMIN + 1])
 def test_a_listener_that_pauses_hears_the_last_zero(tmp_path, number):
     """However the compensator ends, or is deactivated."""
     with compensator(tmp_path / 'one', [1, 1]) as driver, Process(tmp_path / 'two', 'plant', {

@@ -95,17 +95,6 @@ def test_subscriptions_may_come_and_go_in_a_callback(room):
     until(executor, lambda: ('second', 7) in node.heard)
 
 
-def test_what_was_sent_while_a_process_was_stopped_is_ignored_however_late_it_comes(
-        room, monkeypatch):
-    probe, node, executor = room
-    monkeypatch.setattr('friction_comp.ros.executor._SETTLING', 0.0)
-    probe._published['first'].publish(Int32(data=1))
-    executor.ignore_waiting()
-    probe._published['first'].publish(Int32(data=2))
-    until(executor, lambda: node.heard)
-    assert node.heard == [('first', 2)]
-
-
 def test_services_and_callbacks_that_wait_go_on_beside_the_messages(room):
     probe, node, executor = room
     client = probe.create_client(Trigger, 'ask')

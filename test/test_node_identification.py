@@ -27,8 +27,11 @@ from friction_comp.identification.goal import GOAL_LIMITS, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.goals import make_goal, RunningGoal
-from friction_comp.nodes.identification import IdentificationNode
+from friction_comp.nodes.identification import (
+    identification_goal,
+    IdentificationNode,
+    RunningGoal,
+)
 from friction_comp.ros.parameters import described
 from friction_comp.simulation.joint import Plant
 
@@ -216,11 +219,11 @@ def test_default_speeds_fit_the_range_of_a_goal():
     assert all(parameters[f'default_{name}'].range[1] == highest
                for name, (_, highest, _) in GOAL_LIMITS.items() if name != 'speeds')
     request = IdentifyFriction.Goal(joint=JOINT, motion_range=0.2)
-    _, goal = make_goal(request, [JOINT], defaults)
+    _, goal = identification_goal(request, [JOINT], defaults)
     assert 0.8 < goal.speeds[-1] < 1.2
-    assert make_goal(IdentifyFriction.Goal(), [JOINT], defaults)[1].speeds[-1] > 1.7
+    assert identification_goal(IdentifyFriction.Goal(), [JOINT], defaults)[1].speeds[-1] > 1.7
     with pytest.raises(InputError, match='motion_range must be'):
-        make_goal(IdentifyFriction.Goal(motion_range=math.nan), [JOINT], defaults)
+        identification_goal(IdentifyFriction.Goal(motion_range=math.nan), [JOINT], defaults)
 
 
 @pytest.mark.parametrize(('held', 'carried', 'refused'), [
@@ -279,12 +282,12 @@ def test_a_silence_ends_a_goal_whatever_comes_next(verdict, wrong, simulated, re
     ended = []
     node = SimpleNamespace(
         _simulated=simulated,
-        _states=SimpleNamespace(wrong=wrong, missing=[]), _end=lambda *how: ended.append(how),
+        _states=SimpleNamespace(wrong=wrong, missing=[]), _end=ended.append,
         _watchdog=SimpleNamespace(feed=lambda: None), _measure=lambda *_: None,
         _port=SimpleNamespace(repeat=lambda sent: None))
     goal = SimpleNamespace(silent=True, joint=JOINT)
     IdentificationNode._answer(node, goal, verdict, 0, 0)
-    assert ended == ([('aborted', reason)] if reason else [])
+    assert ended == ([reason] if reason else [])
 
 
 def test_states_that_waited_are_read_before_a_silence_is_called_one():
@@ -292,21 +295,20 @@ def test_states_that_waited_are_read_before_a_silence_is_called_one():
     ended = []
     node = SimpleNamespace(
         _states=SimpleNamespace(wrong='', missing=[], publishers=[]), _simulated=False,
-        _port=SimpleNamespace(others=lambda: []), _end=lambda *how: ended.append(how),
+        _port=SimpleNamespace(others=lambda: []), _end=ended.append,
         resolve_service_name=str, resolve_topic_name=str,
         count_clients=lambda _: 1, count_publishers=lambda _: 1)
-    goal = RunningGoal(SimpleNamespace(name='identify_friction'), None, 0, JOINT, None)
+    goal = RunningGoal('identify_friction', 0, JOINT, None, None)
     node._goal, goal.silent = goal, True
     IdentificationNode._check_connections(node)
     assert not ended
     IdentificationNode._check_connections(node)
-    assert ended == [('aborted', 'joint_states fell silent')]
+    assert ended == ['joint_states fell silent']
 
 
 def test_a_goal_for_a_joint_that_is_not_published_is_refused_for_that_reason():
-    now = time.monotonic()
     node = SimpleNamespace(
-        _received=now, _fresh=-math.inf, _states=JointStateInput([JOINT], 50_000_000),
+        _rate=SimpleNamespace(count=1), _fresh=-math.inf, _states=JointStateInput([JOINT], 50_000_000),
         _port=SimpleNamespace(others=lambda: []))
     with pytest.raises(InputError, match=f'joint_states lack {JOINT}'):
         IdentificationNode._check_surroundings(node, JOINT)

@@ -20,7 +20,6 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray, MultiArrayDimension
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.plant import Pace
 from friction_comp.package_files import package_file
 from friction_comp.simulation.joint import Plant
 from friction_comp.stamps import nanoseconds
@@ -111,13 +110,12 @@ def test_lockstep_steps_once_for_each_command_as_the_plain_joint_does(tmp_path):
         assert value_of(status, 'commands not usable') == '3'
 
 
-def test_a_plant_waits_for_its_listeners_and_the_reference_and_direction_of_a_tick(tmp_path):
+def test_a_plant_waits_for_its_listeners_and_the_reference_of_a_tick(tmp_path):
     with probe_node() as late, plant(
             tmp_path, wait_for_reference=True, wait_for_listeners=2) as commander:
         probe = commander.probe
-        references, said = (
-            probe.talk(JointState, name) for name in ('reference', 'direction_stamped'))
-        for publisher in (commander.port, references, said):
+        references = probe.talk(JointState, 'reference')
+        for publisher in (commander.port, references):
             probe.matched(publisher)
         probe.status_of('plant', lambda status: '1 of 2' in value_of(status, 'waits for'))
         states = late.listen(JointState, 'joint_states')
@@ -140,33 +138,9 @@ def test_a_plant_waits_for_its_listeners_and_the_reference_and_direction_of_a_ti
         probe.until(lambda: commander.ticks[-1].clock != tick, 'the next tick')
         # The person leans on the joint, half a radian behind the reference.
         assert commander.wrenches[-1].wrench.torque.z > 0.01
-        said.publish(joint_state(begin, ['elbow'], [0.0]))
-        assert probe.set_parameter('plant', 'wait_for_direction', True) is None
-        references.publish(joint_state(begin + 10_000_000, ['elbow'], [0.5]))
-        # An announcement is waited for once one was heard.
-        probe.status_of('plant', lambda one: value_of(one, 'waits for') == 'direction_stamped')
-        assert len(commander.stamps()) == 10
-        said.publish(joint_state(begin + 10_000_000, ['elbow'], [0.0]))
-        probe.until(lambda: len(commander.stamps()) == 11, 'the next state')
         assert probe.set_parameter('plant', 'wait_for_reference', False) is None
-        assert probe.set_parameter('plant', 'wait_for_direction', False) is None
-        assert probe.set_parameter('plant', 'pace', 0.02) is None
-        for _ in range(12):
+        for _ in range(3):
             commander.step(0.0)
-
-
-def test_a_pace_holds_simulated_time_to_it_and_does_not_make_up_for_a_long_wait():
-    pace, second = Pace(), 10**9
-
-    def steps(rate, begin, end):
-        """Steps of 10 ms that are taken when time is looked at every ms."""
-        return sum(pace.may_step(rate, second // 100, now)
-                   for now in range(int(begin * second), int(end * second), second // 1000))
-    assert steps(2.0, 10.0, 11.0) == pytest.approx(200 + 2.0 * 20, abs=2)
-    assert steps(2.0, 11.0, 12.0) == pytest.approx(200, abs=2)
-    # No messages for ten seconds, then those of 0.2 s at once.
-    assert steps(0.5, 22.0, 23.0) == pytest.approx(50 + 0.5 * 20, abs=2)
-    assert steps(0.0, 23.0, 24.0) == 1000
 
 
 def test_real_time_runs_by_itself_and_forgets_old_commands(tmp_path):
@@ -266,33 +240,6 @@ def test_an_exercise_follows_the_ticks_and_announces_each_joint(
         assert ticks.announced(1 + len(times)) == [(0, 0), *wanted]
         assert announced <= set(wanted)
         assert process.wait() == 0
-
-
-def test_a_cheap_sensor_measures_the_person_and_fails_on_request(tmp_path):
-    with plant(tmp_path, sensor='force') as hand:
-        values = hand.probe.listen(Float64MultiArray, 'sensor')
-        references = hand.probe.talk(JointState, 'reference', RELIABLE)
-        hand.probe.matched(references)
-        hand.find()
-
-        def scatter(steps, place):
-            values.clear()
-            for _ in range(steps):
-                references.publish(joint_state(hand.stamps()[-1], ['elbow'], [place], [0.0]))
-                hand.step(0.0)
-            hand.probe.until(lambda: len(values) >= steps // 10 - 1, 'the sensor')
-            rows = np.array([message.data for message in values])
-            assert rows.shape[1] == 1
-            return float(np.ptp(rows, axis=0).max()), rows
-        quiet, _ = scatter(100, 0.0)
-        # The person wants to be somewhere else: 2 N·m and more.
-        pushed, _ = scatter(200, 0.4)
-        assert pushed > 3.0 + 2.0 * quiet
-        assert 'one of none, flat' in hand.probe.set_parameter('plant', 'sensor_fault', 'mood')
-        assert hand.probe.set_parameter('plant', 'sensor_fault', 'flat') is None
-        scatter(20, 0.4)
-        _, rows = scatter(60, 0.4)
-        assert len(set(rows[:, 0])) == 1
 
 
 def test_an_exercise_by_its_timer_takes_the_joints_of_any_driver(tmp_path):

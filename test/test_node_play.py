@@ -25,7 +25,7 @@ from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.goals import make_trajectory
+from friction_comp.nodes.identification import trajectory_goal
 from friction_comp.recordings import read_recording
 from friction_comp.ros import tool_client
 from friction_comp.ros.executor import yield_to_executor
@@ -121,7 +121,7 @@ def test_a_trajectory_that_cannot_be_played_is_refused(wrong, words):
     message = message_of(motion())
     wrong(message)
     with pytest.raises(InputError, match=words):
-        make_trajectory(PlayTrajectory.Goal(trajectory=message), [JOINT, 'wrist'],
+        trajectory_goal(PlayTrajectory.Goal(trajectory=message), [JOINT, 'wrist'],
                         {'ramp_slope': 0.06, 'ramp_period': 10.0})
 
 

@@ -19,7 +19,6 @@ import pytest
 import friction_comp
 from friction_comp import __main__ as entry
 from friction_comp.errors import InputError
-from friction_comp.ros.parameters import check_arguments
 
 NAMES = {**entry.NODES, **entry.TOOLS}
 MODULES = sorted((ROOT / 'friction_comp').rglob('*.py'))
@@ -143,22 +142,6 @@ def test_exit_codes_of_tools(monkeypatch, capsys, ending, code, said):
     monkeypatch.setattr(sys, 'argv', ['predict', 'argument'])
     assert entry.predict() == code
     assert capsys.readouterr().err == 2 * said
-
-
-@pytest.mark.parametrize(('argument', 'words'), [
-    ('breakaway_gain:=0.3', 'is a parameter of a node'), ('laws:=none', "is it 'law'"),
-    ('law:=none', ''), ('sigterm_timeout:=60', '')])
-def test_what_a_launch_file_would_pass_over_is_refused(monkeypatch, argument, words):
-    given, declared = [argument], ['law', 'joints', 'parameters']
-    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'friction_comp', 'our.launch.py', argument])
-    if words:
-        with pytest.raises(InputError, match=words):
-            check_arguments('/launch/our.launch.py', given, declared)
-    else:
-        check_arguments('/launch/our.launch.py', given, declared)
-    # Of a file that includes ours.
-    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'their.launch.py', argument])
-    check_arguments('/launch/our.launch.py', given, declared)
 
 
 @pytest.mark.parametrize(('system', 'machine', 'compiler', 'reason'), [

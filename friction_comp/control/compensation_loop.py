@@ -114,9 +114,10 @@ class CompensationLoop:
         inputs = self.inputs
         if inputs.anew:
             self._law.reset()
-        if inputs.silence:
-            self._doubt_driver(
-                f'joint_states were silent for {inputs.silence:.3g} s', inputs.silence)
+        if (inputs.silence > RESTART_SILENCE and not self._simulated
+                and (np.abs(self._computed) >= NEGLIGIBLE).any()):
+            self._faults.latch('driver', f'joint_states were silent for {inputs.silence:.3g} s '
+                               'while the motor was driven: the driver may have been restarted')
         if self._faults.latched:
             return self._zeros
         try:
@@ -126,20 +127,6 @@ class CompensationLoop:
         except Exception as error:
             self._faults.latch('law', f'an error in the law: {error!r}\n{traceback.format_exc()}')
             return self._zeros
-
-    def _doubt_driver(self, what: str, seconds: float) -> None:
-        """Latch a fault if joint states were not followed for long while the motor was driven."""
-        was_driving = (np.abs(self._computed) >= NEGLIGIBLE).any()
-        if was_driving and seconds > RESTART_SILENCE and not self._simulated:
-            self._faults.latch('driver', f'{what} while the motor was driven: the driver may have '
-                               'been restarted')
-
-    def resume(self, seconds: float) -> None:
-        """Begin anew after the process was stopped for some s, without earlier inputs."""
-        self.inputs.forget()
-        self._law.reset()
-        self._doubt_driver(f'the node was stopped for {seconds:.3g} s', seconds)
-        self._computed = self._zeros
 
     def reset_faults(self) -> list[str]:
         """Clear latched faults and history; return the texts of the faults."""

@@ -77,7 +77,7 @@ def play_arm(system: DemoSystem) -> None:
         replace(model, simulation={**model.simulation, 'human': PERSON}).save(path)
     system.log('starts an arm of three joints that hangs down, moved by MuJoCo, and the '
                'compensator with the models of its drives')
-    system.start_plant(list(ARM), files, engine='mujoco',
+    system.start_plant(list(ARM), files,
                        arm_file=package_file('config', 'arms', 'guided_arm.xml'))
     system.start('compensator', *files, law='continuous')
     system.record('taught', 'a person guides it, with help against friction',

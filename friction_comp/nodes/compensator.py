@@ -104,13 +104,8 @@ class ConfiguredCompensator(CompensationLoop):
             self._node.destroy_subscription(subscription)
 
     def stop_motor(self) -> None:
-        """Command zero current until `resume`; may be called from any thread."""
+        """Command zero current for good; may be called from any thread."""
         self._commands.zero(permanent=True)
-
-    def resume(self, seconds: float) -> None:
-        """Begin anew after the process was stopped for some s."""
-        super().resume(seconds)
-        self._commands.release()
 
     def told(self, loaded: Sequence[Loaded]) -> list[str]:
         """Return what these models' files say against them, and what feeds forward otherwise."""
@@ -322,18 +317,11 @@ class CompensatorNode(LifecycleNode):
             self._configured = None
 
     def stop_motor(self) -> None:
-        """Command zero current until `resume`; may be called from any thread."""
+        """Command zero current for good; may be called from any thread."""
         # First, since the main thread may activate the node meanwhile.
         self._ending = True
         if (configured := self._configured) is not None:
             configured.stop_motor()
-
-    def resume(self, seconds: float) -> None:
-        """Begin anew after the process was stopped for some s."""
-        self._ending = False
-        self.get_logger().warning(f'was stopped for {seconds:.3g} s and begins anew')
-        if self._configured is not None:
-            self._configured.resume(seconds)
 
     def leave(self) -> None:
         """Command zero current, however the node ends."""

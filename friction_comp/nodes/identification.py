@@ -8,6 +8,8 @@ the joint, and end with zero current after every fault.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
 import math
 from pathlib import Path
@@ -17,20 +19,25 @@ from typing import Any
 
 from friction_comp_interfaces.action import IdentifyFriction, PlayTrajectory
 import numpy as np
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from friction_comp.control import joint_states
 from friction_comp.control.joint_states import JointStateInput
 from friction_comp.control.watchdog import Watchdog
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder, file_names, to_yaml
 from friction_comp.identification.carried import Carried, GRAVITY
-from friction_comp.identification.goal import GOAL_LIMITS
+from friction_comp.identification.goal import (
+    check_field,
+    GOAL_LIMITS,
+    IdentificationGoal,
+    TrajectoryGoal,
+)
 from friction_comp.identification.run import IdentificationRun, TrajectoryRun
-from friction_comp.nodes import goals
-from friction_comp.nodes.goals import Action, RunningGoal
+from friction_comp.nodes.goal_server import GoalServer
 from friction_comp.ros import joint_io
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.ros.parameters import load_models, Settings
@@ -46,8 +53,31 @@ _MAX_AGE = 2.0
 # rad by which a joint may move that is not to be moved, and share of a drive's limit that friction
 # is taken to hold where it is not known.
 _MOVED, _HELD = 0.1, 0.05
-_CANCELLED = 'canceled', 'cancelled on request'
 _SILENT = 'joint_states fell silent'
+
+
+@dataclass
+class RunningGoal:
+    """A goal while its joint is moved; `name` is that of its action."""
+
+    name: str
+    index: int
+    joint: str
+    run: Any
+    # Publishes feedback, by its fields.
+    tell: Callable[..., None]
+    # Completed with why the goal ended too early, '' if it did not.
+    end: Future = field(default_factory=Future)
+    # Stamp of the first joint state, ns, and the places of all joints then, rad.
+    started: int | None = None
+    places: np.ndarray | None = None
+    # Real time, s.
+    last_feedback: float = -math.inf
+    # Whether a client has waited for the result, whether joint states are silent, and whether they
+    # were at the last check: in between, a state that waited to be read may say why.
+    had_client: bool = False
+    silent: bool = False
+    was_silent: bool = False
 
 
 class IdentificationNode(Node):
@@ -75,54 +105,42 @@ class IdentificationNode(Node):
         self._port = joint_io.CommandPort(
             self, [drive.current_limit for drive in self._drives], torques, interface)
         self._watchdog = Watchdog(timeout, self._on_silence).start()
-        self._rate = Rate()
-        self._received = self._fresh = -math.inf
-        self._busy = False
+        self._rate, self._fresh = Rate(), -math.inf
         # Joint index and run of the last request that was accepted.
         self._accepted: tuple[int, Any] = 0, None
         self._goal: RunningGoal | None = None
-        self._last_end = self._refused = ''
-        goals.compile_ahead(self._drives[0])
+        compile_ahead(self._drives[0])
         self.create_subscription(JointState, 'joint_states', self._on_joint_states,
                                  joint_io.QOS[settings['input_reliability']])
         steady_timer(self, _CHECK_PERIOD, self._check_connections)
-        self._servers = [ActionServer(
-            self, action.kind, action.name, partial(self._execute, action),
-            goal_callback=partial(self._on_goal, action), cancel_callback=self._on_cancel)
-            for action in (
-                Action(IdentifyFriction, 'identify_friction', goals.make_goal, IdentificationRun,
-                       self._finish_identification),
-                Action(PlayTrajectory, 'play_trajectory', goals.make_trajectory, TrajectoryRun,
-                       lambda _, j, __: f'moved {self._joints[j]} along the trajectory'))]
+        self._goals = GoalServer(self)
+        self._servers = [self._goals.serve(
+            kind, name, partial(self._accept, make_goal, make_run),
+            partial(self._move, name, kind.Feedback, finish),
+            lambda: self._end('cancelled on request'))
+            for kind, name, make_goal, make_run, finish in (
+                (IdentifyFriction, 'identify_friction', identification_goal, IdentificationRun,
+                 self._finish_identification),
+                (PlayTrajectory, 'play_trajectory', trajectory_goal, TrajectoryRun,
+                 lambda _, j, __: f'moved {self._joints[j]} along the trajectory'))]
         Diagnostics(self, self._report, self._joints, 'identification')
 
-    def _on_goal(self, action: Action, request: Any) -> Any:
-        try:
-            if self._busy:
-                raise InputError('another goal is running')
-            if action.kind is IdentifyFriction:
-                check_folder(self._settings['output_folder'])
-            index, goal = action.make_goal(request, self._joints, self._defaults)
-            self._accepted = index, action.run(goal, self._drives[index], self._torque)
-            self._check_surroundings(self._joints[index])
-            self._check_held(index)
-        except InputError as error:
-            self._refused = str(error)
-            self.get_logger().warning(f'goal rejected: {error}')
-            return GoalResponse.REJECT
-        self._refused, self._busy = '', True
-        return GoalResponse.ACCEPT
+    def _accept(self, make_goal: Callable[..., Any], make_run: Callable[..., Any], request: Any
+                ) -> None:
+        check_folder(self._settings['output_folder'])
+        index, goal = make_goal(request, self._joints, self._defaults)
+        self._accepted = index, make_run(goal, self._drives[index], self._torque)
+        self._check_surroundings(self._joints[index])
+        self._check_held(index)
 
     def _check_surroundings(self, joint: str) -> None:
         """Raise InputError without new states of a joint, or if another node may command it."""
-        now, others = time.monotonic(), self._port.others()
-        if now - self._received > _MAX_AGE:
-            raise InputError('there are no joint_states')
-        if now - self._fresh > _MAX_AGE:
-            raise InputError(_why_old(self._states, joint, 'joint_states are not updated'))
+        if time.monotonic() - self._fresh > _MAX_AGE:
+            raise InputError(_why_old(self._states, joint, 'joint_states are not updated')
+                             if self._rate.count else 'there are no joint_states')
         if joint in self._states.missing:
             raise InputError(f'joint_states lack {joint}')
-        if others:
+        if others := self._port.others():
             raise InputError(f'{", ".join(others)} may command the motor: deactivate it first')
 
     def _check_held(self, index: int) -> None:
@@ -139,44 +157,34 @@ class IdentificationNode(Node):
                     f'{say(float(carried[j]))}: it would fall, since only {self._joints[index]} is '
                     'moved. Refine a model that carries its weight, or support it')
 
-    def _on_cancel(self, _: Any) -> Any:
-        self._end(*_CANCELLED)
-        return CancelResponse.ACCEPT
-
-    async def _execute(self, action: Action, goal_handle: Any) -> Any:
-        result = action.kind.Result()
+    async def _move(self, name: str, feedback: Any, finish: Callable[..., str], handle: Any,
+                    result: Any) -> str:
+        """Move the joint of the accepted goal to its end; return what to say."""
+        index, run = self._accepted
         try:
-            index, run = self._accepted
             self._states.forget()
             self._port.open()
-            goal = self._goal = RunningGoal(action, goal_handle, index, self._joints[index], run)
-            self.get_logger().info(f'{action.name}: moves {goal.joint}')
-            if goal_handle.is_cancel_requested:
+            goal = self._goal = RunningGoal(
+                name, index, self._joints[index], run,
+                lambda **fields: handle.publish_feedback(feedback(**fields)))
+            self.get_logger().info(f'{name}: moves {goal.joint}')
+            if handle.is_cancel_requested:
                 # It arrived before there was a run to end.
-                self._end(*_CANCELLED)
-            end, result.message = await goal.end
-            if end == 'done':
-                result.message = action.finish(goal.run, index, result)
-        except InputError as error:
-            end, result.message = 'aborted', str(error)
-        except Exception:
-            self.get_logger().error(traceback.format_exc())
-            end, result.message = 'aborted', 'an error in the node, see its log'
+                self._end('cancelled on request')
+            if why := await goal.end:
+                raise InputError(why)
+            return finish(run, index, result)
         finally:
-            self._end('aborted', 'an error in the node')
+            self._end('an error in the node')
             self._port.close()
-            self._busy = False
-        result.success = end == 'done'
-        self._last_end = f'{end}: {result.message}'
-        self.get_logger().info(self._last_end)
-        {'done': goal_handle.succeed, 'canceled': goal_handle.canceled,
-         'aborted': goal_handle.abort}[end]()
-        return result
 
     def _finish_identification(self, run: Any, index: int, result: Any) -> str:
         """Fit the model, write its file, and fill the result."""
         outcome, joint = run.result(), self._joints[index]
-        goals.fill_result(result, outcome)
+        for name in ('speeds', 'currents', 'standard_deviations', 'coefficients'):
+            setattr(result, name, [float(value) for value in getattr(outcome, name)])
+        for name in ('positive_mean', 'positive_std', 'negative_mean', 'negative_std'):
+            setattr(result, f'breakaway_{name}', float(getattr(outcome.breakaway, name)))
         before = self._models[index]
         model = outcome.model(before.drive, joint, before.position_limits,
                               self._carried.effects[index], before.arm)
@@ -192,15 +200,15 @@ class IdentificationNode(Node):
         result.model_file = str(path)
         return '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 
-    def _end(self, end: str, message: str) -> None:
-        """End the present run, if any: first zero current, then the result."""
+    def _end(self, why: str = '') -> None:
+        """End the present run, if any, and say why unless it is done: first zero, then the rest."""
         goal, self._goal = self._goal, None
         if goal is None:
             return
         self._watchdog.rest()
         self._port.zero()
-        goal.run.abort(message)
-        goal.end.set_result((end, message))
+        goal.run.abort(why)
+        goal.end.set_result(why)
 
     @property
     def _simulated(self) -> bool:
@@ -208,17 +216,16 @@ class IdentificationNode(Node):
 
     def _on_joint_states(self, message: Any, info: Any) -> None:
         self._rate.count += 1
-        now = self.get_clock().now().nanoseconds
         if self._goal is not None and not self._port.ready:
             return
         ticket = self._port.ticket
         verdict = self._states.take(
-            message, now, 0 if self._simulated else info['received_timestamp'],
+            message, self.get_clock().now().nanoseconds,
+            0 if self._simulated else info['received_timestamp'],
             info['publication_sequence_number'] or 0)
-        self._received = time.monotonic()
         # While nobody commands, a simulation in lockstep repeats its last state.
         if verdict == joint_states.NEW or (verdict == joint_states.AGAIN and self._simulated):
-            self._fresh = self._received
+            self._fresh = time.monotonic()
         if self._goal is not None:
             self._answer(self._goal, verdict, ticket, info['source_timestamp'])
 
@@ -237,10 +244,10 @@ class IdentificationNode(Node):
             elif verdict in (joint_states.MALFORMED, joint_states.CONTESTED):
                 raise InputError(self._states.wrong)
         except InputError as error:
-            self._end('aborted', str(error))
+            self._end(str(error))
         except Exception:
+            self._end('an error in the node, see its log')
             self.get_logger().error(traceback.format_exc())
-            self._end('aborted', 'an error in the node, see its log')
 
     def _measure(self, goal: RunningGoal, ticket: int) -> None:
         """Answer a new joint state with the current of the run."""
@@ -263,12 +270,11 @@ class IdentificationNode(Node):
         now = time.monotonic()
         if now - goal.last_feedback >= _FEEDBACK_PERIOD:
             goal.last_feedback = now
-            goal.handle.publish_feedback(goal.action.kind.Feedback(
-                phase=run.phase, progress=float(run.progress),
-                remaining_seconds=float(run.remaining), time=at, position=position,
-                velocity=velocity, current=measured))
+            goal.tell(phase=run.phase, progress=float(run.progress),
+                      remaining_seconds=float(run.remaining), time=at, position=position,
+                      velocity=velocity, current=measured)
         if run.finished:
-            self._end('done', '')
+            self._end()
 
     def _check_at_rest(self, goal: RunningGoal, position: np.ndarray) -> None:
         """Raise InputError if a joint moves that is not to be moved."""
@@ -294,48 +300,41 @@ class IdentificationNode(Node):
         goal = self._goal
         if goal is None:
             return
-        client = self.resolve_service_name(f'{goal.action.name}/_action/get_result')
+        client = self.resolve_service_name(f'{goal.name}/_action/get_result')
         others, clients = self._port.others(), self.count_clients(client)
         goal.had_client = goal.had_client or clients > 0
         # Simulated time may stop: its last state then stays valid.
         if goal.was_silent and goal.silent and not self._simulated:
-            self._end('aborted', _why_old(self._states, goal.joint, _SILENT))
+            self._end(_why_old(self._states, goal.joint, _SILENT))
         elif not self.count_publishers(self.resolve_topic_name('joint_states')):
-            self._end('aborted', 'joint_states have no publisher any more')
+            self._end('joint_states have no publisher any more')
         elif goal.had_client and not clients:
-            self._end('aborted', 'the client of the goal is gone')
+            self._end('the client of the goal is gone')
         elif others:
-            self._end('aborted', f'{", ".join(others)} may command the motor too')
+            self._end(f'{", ".join(others)} may command the motor too')
         goal.was_silent = goal.silent
 
     def _report(self) -> Any:
         values = {'joint_states per second of real time': self._rate.per_second(),
-                  'last goal': self._last_end, 'last refusal': self._refused,
+                  'last goal': self._goals.last, 'last refusal': self._goals.refused,
                   'listeners to the command': self._port.listeners}
         if (goal := self._goal) is not None:
             values.update({'joint': goal.joint, 'phase': goal.run.phase,
                            'progress': float(goal.run.progress), 'command [A]': self._port.last})
-            return OK, f'{goal.action.name}: moves {goal.joint}', values
-        if self._last_end.startswith('aborted'):
-            return ERROR, self._last_end, values
+            return OK, f'{goal.name}: moves {goal.joint}', values
+        if self._goals.last.startswith('aborted'):
+            return ERROR, self._goals.last, values
         if not self._states.stamp:
             return WARN, 'no joint_states yet', values
         return OK, 'ready', values
 
     def stop_motor(self) -> None:
-        """Command zero current until `resume`; may be called from any thread."""
+        """Command zero current for good; may be called from any thread."""
         self._port.zero(permanent=True)
-
-    def resume(self, seconds: float) -> None:
-        """End a running goal after the process was stopped for some s."""
-        self._end('aborted', f'the node was stopped for {seconds:.3g} s')
-        self._states.forget()
-        self._received = self._fresh = -math.inf
-        self._port.release()
 
     def leave(self) -> None:
         """End a running goal with zero current."""
-        self._end('aborted', 'the node was stopped')
+        self._end('the node was stopped')
         # A goal that starts while the node ends must not move its joint.
         self.stop_motor()
         self._port.close()
@@ -345,3 +344,49 @@ class IdentificationNode(Node):
 def _why_old(states: JointStateInput, joint: str, otherwise: str) -> str:
     """Return why there is no new state of a joint."""
     return states.wrong or (f'joint_states lack {joint}' if joint in states.missing else otherwise)
+
+
+def identification_goal(request: Any, joints: list[str], defaults: dict[str, Any]
+                        ) -> tuple[int, IdentificationGoal]:
+    """Return joint index and goal of an IdentifyFriction goal."""
+    index = _index_of(request.joint, joints) if request.joint else 0
+    fields = {name: getattr(request, name) or default for name, default in defaults.items()}
+    if not request.speeds:
+        check_field('motion_range', fields['motion_range'])
+        # Of the default speeds, those for which the range is wide enough.
+        largest = IdentificationGoal.largest_speed(float(fields['motion_range']))
+        fields['speeds'] = [speed for speed in fields['speeds'] if abs(speed) <= largest]
+    return index, IdentificationGoal(**dict(
+        fields, speeds=tuple(fields['speeds']), ramp_slope=fields['ramp_slope'] or None))
+
+
+def trajectory_goal(request: Any, joints: list[str], defaults: dict[str, Any]
+                    ) -> tuple[int, TrajectoryGoal]:
+    """Return joint index and goal of a PlayTrajectory goal."""
+    names, points = list(request.trajectory.joint_names), request.trajectory.points
+    if len(names) != 1:
+        raise InputError(f'one joint is moved at a time, not {len(names)}')
+    index = _index_of(names[0], joints)
+    if any(len(point.positions) != 1 or len(point.velocities) != 1 for point in points):
+        raise InputError('a point of the trajectory lacks position or velocity')
+    return index, TrajectoryGoal(
+        [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points],
+        [point.positions[0] for point in points], [point.velocities[0] for point in points],
+        request.ramp_slope or defaults['ramp_slope'] or None,
+        request.ramp_period or defaults['ramp_period'])
+
+
+def _index_of(joint: str, joints: list[str]) -> int:
+    if joint not in joints:
+        raise InputError(f'unknown joint {joint!r}; known: {", ".join(joints)}')
+    return joints.index(joint)
+
+
+def compile_ahead(drive: Drive) -> None:
+    """Import and compile everything a goal needs before the first one arrives."""
+    goal = IdentificationGoal(
+        speeds=(0.4, 0.8), ramp_slope=drive.current_limit / 10.0, ramp_period=1.0)
+    identification = IdentificationRun(goal, drive)
+    for k in range(3):
+        identification.update(1e-3 * k, 0.0, 0.0, 0.0)
+    identification.abort()

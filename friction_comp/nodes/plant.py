@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from array import array
-import math
 import time
 from typing import Any
 
@@ -22,7 +21,6 @@ from friction_comp.ros.diagnostics import Diagnostics, OK, Rate, WARN
 from friction_comp.ros.joint_io import command_unit, RELIABLE, UNASKED, UNIT_OF
 from friction_comp.ros.parameters import load_models, Settings
 from friction_comp.ros.ros_start import steady_timer
-from friction_comp.simulation.cheap_sensors import CheapForce
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.person import ReferenceHold
 from friction_comp.simulation.undeclared import Undeclared
@@ -37,59 +35,6 @@ _START_TIME = NANO
 _TEMPERATURE_PERIOD = 0.1
 # Samples of delay after which a real-time plant skips time.
 _LARGEST_LAG = 50
-# Cheap sensors are simulated in steps of a millisecond; so many at least go into one message.
-_SENSOR_STEP, _SENSOR_BATCH = 1e-3, 10
-
-
-class Pace:
-    """Limits the rate of simulated time."""
-
-    def __init__(self) -> None:
-        self._due = 0.0
-
-    def may_step(self, pace: float, step: int, now: int) -> bool:
-        """Return whether a step of ns may be taken `now`; `pace` 0 is without limit."""
-        if not pace:
-            return True
-        if now < self._due:
-            return False
-        # Longer delays are not caught up.
-        self._due = max(self._due, now - 2.0 * _CHECK_PERIOD * NANO) + step / pace
-        return True
-
-
-class _Sensor:
-    """A cheap sensor of the person's force on every joint of a plant, on the topic `sensor`."""
-
-    def __init__(self, node: Any, settings: Settings, models: Any) -> None:
-        self._settings = settings
-        self._steps = round(settings['sample_time'] / _SENSOR_STEP)
-        if not self._steps or not math.isclose(
-                settings['sample_time'], self._steps * _SENSOR_STEP):
-            raise InputError('parameter sensor: needs a sample_time that is a whole multiple of '
-                             f'{_SENSOR_STEP:g} s')
-        if missing := [model.joint or str(k) for k, model in enumerate(models)
-                       if model.breakaway is None]:
-            raise InputError('parameter sensor: its range follows from breakaway friction, which '
-                             f'the model of {", ".join(missing)} lacks')
-        breakaway = np.array([model.breakaway.positive_mean * model.drive.torque_per_current
-                              for model in models])
-        self._sensor = CheapForce(breakaway, [settings['seed'], 7], 100.0)
-        self._rows: list[np.ndarray] = []
-        self._publisher = node.create_publisher(Float64MultiArray, 'sensor', RELIABLE)
-
-    def feel(self, torque: Any) -> None:
-        """Measure the torques of the person in a sample, N·m, shape (J,)."""
-        self._rows += [np.array(torque, dtype=float)] * self._steps
-        if len(self._rows) < _SENSOR_BATCH:
-            return
-        fault = self._settings['sensor_fault']
-        self._sensor.faults = {} if fault == 'none' else dict.fromkeys(range(len(torque)), fault)
-        values = self._sensor.sample(np.array(self._rows))
-        self._rows = []
-        # A silent sensor sends nothing.
-        if len(values) and np.isfinite(values).all():
-            self._publisher.publish(Float64MultiArray(data=array('d', values.ravel())))
 
 
 class PlantNode(Node):
@@ -115,7 +60,6 @@ class PlantNode(Node):
         self._command_timeout = round(NANO * settings['command_timeout'])
 
         self._plant = self._make_plant(models)
-        self._sensor = None if settings['sensor'] == 'none' else _Sensor(self, settings, models)
         self._torque_per_current = np.array([m.drive.torque_per_current for m in models])
         self._sample = round(sample_time * NANO)
         self._samples = self._origin = self._commanded_at = self._bad_commands = 0
@@ -151,18 +95,13 @@ class PlantNode(Node):
         self._ticks = self.create_publisher(ClockMessage, '/clock', RELIABLE)
         self._answered = self._published = self._nobody_holds = False
         self._reference_stamp: int | None = None
-        self._direction_stamp: int | None = None
-        self._ticked_sample, self._pace, self._checks = -1, Pace(), 0
-        self.create_subscription(JointState, 'direction_stamped', self._on_direction, RELIABLE)
+        self._ticked_sample, self._checks = -1, 0
         steady_timer(self, _CHECK_PERIOD, self._repeat_requests)
         self._advance()
 
     def _make_plant(self, models: Any) -> Plant:
         file, undeclared = self._settings['arm_file'], self._load_undeclared()
         seed, sample_time = self._settings['seed'], self._settings['sample_time']
-        if (self._settings['engine'] == 'mujoco') != bool(file):
-            raise InputError('parameter arm_file: engine mujoco needs an MJCF or URDF, and only '
-                             'this engine uses it')
         if not file:
             return Plant(models, seed, undeclared, sample_time)
         # Imported here: MuJoCo is optional.
@@ -188,8 +127,6 @@ class PlantNode(Node):
     def _step(self) -> None:
         position, velocity = self._hold.at((self._stamp - self._origin) / NANO)
         active = None
-        if self._sensor is not None:
-            self._sensor.feel(self._plant.state.interaction_torque)
         if position is not None and velocity is not None:
             active = np.isfinite(position) & np.isfinite(velocity)
         self._plant.step(self._command, position, velocity, active)
@@ -236,20 +173,6 @@ class PlantNode(Node):
             self._reference_stamp = stamp
             self._advance()
 
-    def _on_direction(self, message: Any) -> None:
-        self._direction_stamp = nanoseconds(message.header.stamp)
-        self._advance()
-
-    def _lacks(self) -> str:
-        """Return the topic whose message with the present stamp is waited for, '' if none."""
-        for name, topic, stamp in (('reference', 'reference', self._reference_stamp),
-                                   ('direction', 'direction_stamped', self._direction_stamp)):
-            # The first announcement may be lost before both ends have discovered each other.
-            if stamp != self._stamp and (stamp or name == 'reference') and (
-                    self._settings[f'wait_for_{name}']):
-                return topic
-        return ''
-
     def _on_command(self, message: Any) -> None:
         if not self._lockstep:
             self._take_command(message)
@@ -279,13 +202,9 @@ class PlantNode(Node):
         """Return whether the present states may be published; a tick that is due comes first."""
         if self._samples % self._clock_every == 0:
             if self._ticked_sample != self._samples:
-                if not self._pace.may_step(
-                        self._settings['pace'], self._clock_every * self._sample,
-                        time.monotonic_ns()):
-                    return False
                 self._ticked_sample = self._samples
                 self._tick()
-            if self._lacks():
+            if self._reference_stamp != self._stamp and self._settings['wait_for_reference']:
                 return False
         return bool(self._samples or self._states.get_subscription_count()
                     >= self._settings['wait_for_listeners'])
@@ -347,4 +266,4 @@ class PlantNode(Node):
             self._states.get_subscription_count(), self._settings['wait_for_listeners'])
         if not self._samples and listeners < wanted:
             return f'listeners to joint_states ({listeners} of {wanted})'
-        return self._lacks() or 'reference'
+        return 'reference'

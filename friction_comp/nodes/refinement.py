@@ -11,7 +11,6 @@ from datetime import datetime
 import math
 from pathlib import Path
 import time
-import traceback
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -19,7 +18,6 @@ from friction_comp_interfaces.action import RefineModel
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rcl_interfaces.srv import SetParameters
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
@@ -31,6 +29,7 @@ from friction_comp.files import file_names
 from friction_comp.layout import Layout
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
+from friction_comp.nodes.goal_server import GoalServer
 from friction_comp.recorded_drive.child import Refined, RefinementProcess
 from friction_comp.recorded_drive.given import Given
 from friction_comp.recordings.writer import RecordingWriter
@@ -152,14 +151,13 @@ class RefinementNode(Node):
         self._set = self.create_client(
             SetParameters, f'{settings["compensator"]}/set_parameters')
         self._job: RefinementProcess | None = None
-        self._busy, self._stopped, self._error = False, '', ''
+        self._stopped = self._error = ''
         self._fits = dict.fromkeys(self._joints, True)
-        self._last_result = self._last_refusal = ''
         self._topics = DatedTopics(self, self._keep, ('reference',)).topics
         steady_timer(self, _MONITORING_PERIOD, self._monitor)
-        self._server = ActionServer(
-            self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
-            cancel_callback=lambda _: CancelResponse.ACCEPT)
+        self._goals = GoalServer(self)
+        self._server = self._goals.serve(
+            RefineModel, 'refine_model', self._accept, self._execute)
         Diagnostics(self, self._report, self._joints, 'refinement')
 
     def _keep(self, topic: str, stamp: int, cdr: bytes) -> None:
@@ -212,50 +210,29 @@ class RefinementNode(Node):
                 log = self.get_logger().info if verdict.fits else self.get_logger().warning
                 log(f'{joint}: {verdict.text}')
 
-    def _on_goal(self, request: RefineModel.Goal) -> GoalResponse:
-        self._last_refusal = 'another goal is running' if self._busy else ''
+    def _accept(self, request: RefineModel.Goal) -> None:
         if request.joint and request.joint not in self._joints:
-            self._last_refusal = (
-                f'unknown joint {request.joint!r}; known: {", ".join(self._joints)}')
-        if self._last_refusal:
-            self.get_logger().warning(f'goal rejected: {self._last_refusal}')
-            return GoalResponse.REJECT
-        self._busy = True
-        return GoalResponse.ACCEPT
+            raise InputError(f'unknown joint {request.joint!r}; known: {", ".join(self._joints)}')
 
-    async def _execute(self, goal_handle: Any) -> RefineModel.Result:
-        result, end = RefineModel.Result(), goal_handle.abort
+    async def _execute(self, goal_handle: Any, result: RefineModel.Result) -> str:
         request = goal_handle.request
         joint = request.joint or self._joints[0]
         try:
             refined = await self._refine(joint, request, goal_handle)
-            report = refined.report
-            result = RefineModel.Result(
-                success=True, verdict=report.verdict, error_before=report.before.held_out_rmse,
-                error_after=report.after.held_out_rmse, noise_floor=report.noise_floor,
-                effects=[effect.name for effect in report.effects],
-                variables=[effect.variable for effect in report.effects],
-                model_file=str(refined.model_file), report=str(refined.page))
-            result.message = (
-                f'found {", ".join(result.effects) or "no effect"}; error '
+        finally:
+            self._job = None
+        report = refined.report
+        result.verdict, result.noise_floor = report.verdict, report.noise_floor
+        result.error_before = report.before.held_out_rmse
+        result.error_after = report.after.held_out_rmse
+        result.effects = [effect.name for effect in report.effects]
+        result.variables = [effect.variable for effect in report.effects]
+        result.model_file, result.report = str(refined.model_file), str(refined.page)
+        return (f'{joint}: found {", ".join(result.effects) or "no effect"}; error '
                 f'{1e3 * result.error_before:.3g} mA before, {1e3 * result.error_after:.3g} mA '
                 f'after; verdict: {result.verdict}'
-                + ''.join(f'; {reason.rstrip(".")}' for reason in report.reasons))
-            if request.load:
-                result.message += await self._load(joint, refined, result)
-            end = goal_handle.succeed
-        except InputError as error:
-            result.message = str(error)
-            end = goal_handle.canceled if goal_handle.is_cancel_requested else end
-        except Exception:
-            self.get_logger().error(traceback.format_exc())
-            result.message = 'an error in the node, see its log'
-        finally:
-            self._job, self._busy = None, False
-        end()
-        self._last_result = f'{joint}: {result.message}'
-        self.get_logger().info(self._last_result)
-        return result
+                + ''.join(f'; {reason.rstrip(".")}' for reason in report.reasons)
+                + (await self._load(joint, refined, result) if request.load else ''))
 
     async def _refine(self, joint: str, request: RefineModel.Goal, goal_handle: Any) -> Refined:
         output = Path(self._settings['output_folder']).absolute() / (
@@ -323,7 +300,7 @@ class RefinementNode(Node):
     def _report(self) -> tuple[Any, ...]:
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'kept [s]': self._past.span, 'kept [MB]': self._past.size / 1e6,
-                  'last goal': self._last_result, 'last refusal': self._last_refusal}
+                  'last goal': self._goals.last, 'last refusal': self._goals.refused}
         misfits = []
         for joint, residual in self._residuals.items():
             verdict = residual.verdict()

@@ -10,21 +10,17 @@ outside calls, end the spinning.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator
 from concurrent.futures import Future, TimeoutError
 from contextlib import ExitStack, suppress
 import inspect
-from itertools import chain
 import threading
 import time
 import types
 from typing import Any, TypeVar
 
-from rcl_interfaces.msg import SetParametersResult
-from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy import executors
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.waitable import NumberOfEntities
 
 from friction_comp.errors import InputError
 from friction_comp.ros.ros_start import without_source_locations
@@ -35,9 +31,6 @@ T = TypeVar('T')
 # Real s between polls of everything but the streams. It also limits the delay of signals, which
 # Python handles only when the executor returns from the middleware.
 _POLL_PERIOD = 0.02
-# Real s after a stopped process continues in which all messages are ignored, and in which those are
-# that were sent before it did, by their senders' clocks: on a busy machine they come later.
-_SETTLING, _LATEST = 0.2, 5.0
 # Real s before the same refusal is logged again, and that work in a thread may take.
 _AGAIN, _PATIENCE = 1.0, 10.0
 
@@ -48,30 +41,20 @@ def yield_to_executor() -> Generator[None, None, None]:
     yield
 
 
-class _WaitSet:
-    """A wait set that is built once for many waits; rclpy builds one for every callback."""
+class _StreamSet:
+    """A wait set of messages and fast timers, built once; rclpy builds one for every callback."""
 
-    def __init__(self, context: Any, guards: Iterable[Any] = (), waitables: Iterable[Any] = (),
-                 **entities: Iterable[Any]) -> None:
-        kinds = {'subscription': (), 'guard_condition': list(guards), 'timer': (), 'client': (),
-                 'service': (), **{name: list(some) for name, some in entities.items()}}
-        self._waitables = list(waitables)
+    def __init__(self, context: Any, guard: Any, subscriptions: list[Any], timers: list[Any]
+                 ) -> None:
         # Hold the handles, so that none is destroyed while it is in the wait set.
         self._held = ExitStack()
-        count = NumberOfEntities(*map(len, kinds.values()))
-        for waitable in self._waitables:
-            count += waitable.get_num_entities()
-            self._held.enter_context(waitable)
-        for entity in (context, *chain(*kinds.values())):
+        for entity in (context, guard, *subscriptions, *timers):
             self._held.enter_context(entity.handle)
         self._set = _rclpy.WaitSet(
-            count.num_subscriptions, count.num_guard_conditions, count.num_timers,
-            count.num_clients, count.num_services, count.num_events, context.handle)
-        self.is_ready = self._set.is_ready
-        self._added = [(getattr(self._set, f'add_{kind}'), entity.handle)
-                       for kind, entities in kinds.items() for entity in entities]
-        self._indices = [(kind, index) for kind, entities in kinds.items()
-                         for index in range(len(entities))]
+            len(subscriptions), 1, len(timers), 0, 0, 0, context.handle)
+        self._added = [(self._set.add_guard_condition, guard.handle),
+                       *((self._set.add_subscription, one.handle) for one in subscriptions),
+                       *((self._set.add_timer, one.handle) for one in timers)]
 
     def close(self) -> None:
         self._held.close()
@@ -80,13 +63,10 @@ class _WaitSet:
         self._set.clear_entities()
         for add, handle in self._added:
             add(handle)
-        for waitable in self._waitables:
-            waitable.add_to_wait_set(self._set)
         self._set.wait(int(seconds * NANO))
 
-    def is_any_ready(self) -> bool:
-        return (any(self.is_ready(kind, index) for kind, index in self._indices)
-                or any(waitable.is_ready(self._set) for waitable in self._waitables))
+    def has_message(self, index: int) -> bool:
+        return bool(self._set.is_ready('subscription', index))
 
 
 class _SlowEntities:
@@ -122,10 +102,8 @@ class StreamExecutor(executors.Executor):
         self._batch_time = getattr(node, 'batch_time', 0.0)
         self._subscriptions: list[tuple[Any, ...]] = []
         self._slow_timers: list[Any] = []
-        self._sets: list[_WaitSet] = []
+        self._set: _StreamSet | None = None
         self._due = 0.0
-        # When the process went on, monotonic s and system time in ns; 0 once that is long ago.
-        self._continued, self._continued_stamp = 0.0, 0
         self._said: dict[str, float] = {}
         self.add_node(node)
 
@@ -134,10 +112,6 @@ class StreamExecutor(executors.Executor):
         self._is_changed = True
         super().wake()
 
-    def ignore_waiting(self) -> None:
-        """Ignore messages that were sent while the process was stopped; from a signal handler."""
-        self._continued, self._continued_stamp = time.monotonic(), time.time_ns()
-
     @property
     def has_coroutines(self) -> bool:
         """Whether a callback, such as a goal, has not ended yet."""
@@ -145,7 +119,7 @@ class StreamExecutor(executors.Executor):
 
     def shutdown(self, timeout_sec: Any = None) -> Any:
         """Release the node."""
-        self._release_sets()
+        self._release_set()
         return super().shutdown(timeout_sec)
 
     def spin_once(self, timeout_sec: Any = None) -> None:
@@ -183,37 +157,31 @@ class StreamExecutor(executors.Executor):
         except Exception as error:
             raise InputError(f'{what}: {error!r}') from None
 
-    def _release_sets(self) -> None:
-        for wait_set in self._sets:
-            wait_set.close()
-        self._sets = []
+    def _release_set(self) -> None:
+        if self._set is not None:
+            self._set.close()
 
-    def _wait_sets(self) -> list[_WaitSet]:
-        """Return the wait sets of streams and of all else, rebuilt if entities have changed."""
-        if self._is_changed:
+    def _stream_set(self) -> _StreamSet:
+        """Return the wait set of streams, rebuilt if entities have changed."""
+        if self._is_changed or self._set is None:
             self._is_changed = False
-            self._release_sets()
-            node = self._node
-            subscriptions = list(node.subscriptions)
+            self._release_set()
+            node, subscriptions = self._node, list(self._node.subscriptions)
             self._subscriptions = [
                 (entity, entity.handle, entity.msg_type, entity.raw, entity.callback,
                  _takes_message_only(entity.callback)) for entity in subscriptions]
             self._slow_timers = [timer for timer in node.timers if timer not in self._fast_timers]
             # The base class triggers its guard when the node's entities have changed.
-            self._sets = [
-                _WaitSet(node.context, [self._guard], subscription=subscriptions,
-                         timer=self._fast_timers),
-                _WaitSet(node.context, waitables=node.waitables, client=node.clients,
-                         service=node.services)]
-        return self._sets
+            self._set = _StreamSet(node.context, self._guard, subscriptions, self._fast_timers)
+        return self._set
 
     def _process_streams(self, seconds: float) -> None:
         """Wait for messages or fast timers, and process them."""
-        wait_set = self._wait_sets()[0]
-        wait_set.wait(0.0 if self._batch_time else seconds)
+        streams = self._stream_set()
+        streams.wait(0.0 if self._batch_time else seconds)
         self._call_timers(self._fast_timers)
         last_ready = max((index for index in range(len(self._subscriptions))
-                          if wait_set.is_ready('subscription', index)), default=-1)
+                          if streams.has_message(index)), default=-1)
         # The last ready one gives a single message, before which all of the earlier ones are taken
         # (see the class). Use a copy, since a callback may replace the list.
         for index, subscription in enumerate(self._subscriptions[:last_ready + 1]):
@@ -228,8 +196,6 @@ class StreamExecutor(executors.Executor):
             message = handle.take_message(kind, raw)
             if message is None:
                 return False
-            if self._continued and self._was_waiting(message[1]['source_timestamp']):
-                return True
             self._schedule(callback(message[0]) if message_only else callback(*message))
         except InputError:
             raise
@@ -237,12 +203,6 @@ class StreamExecutor(executors.Executor):
             self._refuse(f'a message on {entity.topic_name} was ignored', error)
             return False
         return True
-
-    def _was_waiting(self, sent: int) -> bool:
-        since = time.monotonic() - self._continued
-        if since > _LATEST:
-            self._continued = 0.0
-        return since < _SETTLING or (since < _LATEST and 0 < sent < self._continued_stamp)
 
     def _take_service(self, service: Any) -> Any:
         """Return what answers a request, as rclpy does; a request that raises is refused."""
@@ -257,7 +217,10 @@ class StreamExecutor(executors.Executor):
                 response = await executors.await_or_execute(service.callback, request, response)
             except Exception as error:
                 text = self._refuse(f'a request to {service.srv_name} was refused', error)
-                response = _refusal(service.srv_type.Response(), request, text)
+                # All that says success is false by default.
+                response = service.srv_type.Response()
+                if hasattr(response, 'message'):
+                    response.message = text
             service.send_response(response, header)
         return answer
 
@@ -286,10 +249,6 @@ class StreamExecutor(executors.Executor):
         if not self.context.ok():
             raise executors.ExternalShutdownException
         self._call_timers(self._slow_timers)
-        wait_set = self._wait_sets()[1]
-        wait_set.wait(0.0)
-        if not self._tasks and not wait_set.is_any_ready():
-            return
         with suppress(executors.ShutdownException, executors.TimeoutException):
             # One pass over the waiting callbacks and what is ready ends with a timeout.
             while True:
@@ -319,14 +278,3 @@ def _release(entity: Any) -> None:
         entity._executor_event = False
         with suppress(AssertionError):
             entity.callback_group.ending_execution(entity)
-
-
-def _refusal(response: Any, request: Any, text: str) -> Any:
-    """Return a response, of which all that says success is false by default, with the reason."""
-    if isinstance(response, SetParameters.Response):
-        response.results = [SetParametersResult(reason=text) for _ in request.parameters]
-    elif isinstance(response, SetParametersAtomically.Response):
-        response.result.reason = text
-    elif hasattr(response, 'message'):
-        response.message = text
-    return response

@@ -180,7 +180,7 @@ class CommandPort:
             self.answer(self.last, self.ticket, self._stamp)
 
     def zero(self, permanent: bool = False) -> None:
-        """Command zero current now; `permanent` blocks all commands until `release`."""
+        """Command zero current now; `permanent` blocks all later commands."""
         self._sealed = self._sealed or permanent
         self.ticket += 1
         # A blocked publication must not prevent the zero command.
@@ -195,10 +195,6 @@ class CommandPort:
         finally:
             if taken:
                 self._lock.release()
-
-    def release(self) -> None:
-        """Allow commands again after a permanent zero."""
-        self._sealed = False
 
     def others(self) -> list[str]:
         """Return the names of other nodes that publish the same topic."""

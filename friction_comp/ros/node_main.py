@@ -25,8 +25,7 @@ from rclpy.utilities import remove_ros_args
 from friction_comp.errors import InputError
 from friction_comp.interrupts import ENDING, STOPPING
 from friction_comp.ros.executor import StreamExecutor
-from friction_comp.ros.output import dropping_output
-from friction_comp.ros.ros_start import start_ros, without_source_locations
+from friction_comp.ros.ros_start import dropping_log, start_ros, without_source_locations
 
 # Spins after leaving, and real s of them if a goal ended by it: its client may ask only now.
 _FINAL_SPINS, _FAREWELL = 10, 0.3
@@ -35,19 +34,18 @@ _SWITCH_INTERVAL = 5e-4
 
 
 def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
-    """Start a node, spin it until it is done or stopped, and shut it down in order.
+    """Start a node, spin it until it is done or a signal ends it, and shut it down in order.
 
     Return 0 if it ended by itself or by a signal, 1 after an exception; raise InputError if
     an argument, parameter or file cannot be used.
 
     Signals are not handled by rclpy, which would shut the context down at once, so that zero
-    current could no longer be published. A node may have a method `leave()`, which is always called
-    at the end, and an attribute `finished`, with which it ends by itself.
+    current could no longer be published. Those that would stop the process (Ctrl-Z) end it, too.
 
-    A node that drives a motor has two more methods. `stop_motor()` commands zero current and blocks
-    all later commands; it is called in another thread as soon as a signal arrives, and at the end
-    whatever happened. `resume(seconds)` is called after the process was stopped (Ctrl-Z) for so
-    long: the node begins anew, without what was sent meanwhile.
+    A node may have a method `leave()`, which is always called at the end, and an attribute
+    `finished`, with which it ends by itself. One that drives a motor has `stop_motor()`, which
+    commands zero current and blocks all later commands; it is called in another thread as soon as a
+    signal arrives, and at the end whatever happened.
     """
     signals = _Signals()
     sys.setswitchinterval(_SWITCH_INTERVAL)
@@ -58,7 +56,7 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
     if unknown:
         raise InputError(f'unrecognized arguments: {" ".join(unknown)} (parameters and remappings '
                          'come after --ros-args)')
-    with dropping_output(name):
+    with dropping_log(name):
         start_ros(name, argv)
         try:
             return _run(make_node, signals)
@@ -86,15 +84,24 @@ def _run(make_node: Callable[[], Any], signals: _Signals) -> int:
     gc.collect()
     gc.freeze()
     try:
-        return _spin(executor, node, signals)
+        while not signals.caught and not getattr(node, 'finished', False):
+            executor.spin_once()
+    except (ExternalShutdownException, ROSInterruptException):
+        pass
+    except InputError:
+        raise
+    except Exception:
+        node.get_logger().fatal(f'stopped by an error:\n{traceback.format_exc()}')
+        return 1
     finally:
         # First, so that zero is the last command also if leaving fails.
         stop_motor()
         getattr(node, 'leave', _do_nothing)()
         _say_farewell(executor)
-        # Its wait sets hold the node's entities, and must not outlive the context.
+        # Its wait set holds the node's entities, and must not outlive the context.
         executor.shutdown(0.0)
         _destroy(node)
+    return 0
 
 
 def _say_farewell(executor: StreamExecutor) -> None:
@@ -129,71 +136,27 @@ class _Signals:
 
     def __init__(self) -> None:
         self.caught: list[int] = []
-        # Called by SIGCONT, in the main thread before it goes on with anything else.
-        self.on_continue: Callable[[], None] = _do_nothing
-        self.continued = False
         self._callback: Callable[[], None] = _do_nothing
-        self._arrived = self._stopped = False
-        for signum in ENDING:
+        for signum in (*ENDING, *STOPPING):
             signal.signal(signum, lambda signum, _: self.caught.append(signum))
-        for signum in STOPPING:
-            # Otherwise the process would stop at once; `_listen` stops it.
-            signal.signal(signum, lambda *_: None)
-        signal.signal(signal.SIGCONT, self._continue)
         end, begin = os.pipe()
         os.set_blocking(begin, False)
         signal.set_wakeup_fd(begin, warn_on_full_buffer=False)
+        self._arrived = False
         threading.Thread(
             target=self._listen, args=(end,), name='signals', daemon=True).start()
 
-    def set_callback(self, callback: Any) -> None:
+    def set_callback(self, callback: Callable[[], None]) -> None:
         """Set the function to call, in another thread, at a signal; call it now if one arrived."""
         self._callback = callback
         if self._arrived:
             callback()
 
-    def _continue(self, *_: Any) -> None:
-        # After SIGSTOP, which nobody can catch, no zero was sent: the node goes on, and its
-        # timeouts judge what it reads.
-        if self._stopped:
-            self._stopped, self.continued = False, True
-            self.on_continue()
-
-    def _listen(self, end: Any) -> None:
-        while True:
-            arrived = set(os.read(end, 16))
-            ends, stops = arrived & set(ENDING), arrived & set(STOPPING)
-            self._arrived = self._arrived or bool(ends)
-            if ends or stops:
-                self._callback()
-            if stops:
-                # Nobody can catch this one. Zero current was published before.
-                self._stopped = True
-                os.kill(os.getpid(), signal.SIGSTOP)
+    def _listen(self, end: int) -> None:
+        while os.read(end, 16):
+            self._arrived = True
+            self._callback()
 
 
 def _do_nothing() -> None:
     """Do nothing."""
-
-
-def _spin(executor: Any, node: Any, signals: _Signals) -> int:
-    resume = getattr(node, 'resume', None)
-    if resume is not None:
-        signals.on_continue = executor.ignore_waiting
-    last = time.monotonic()
-    try:
-        while not signals.caught and not getattr(node, 'finished', False):
-            if signals.continued:
-                signals.continued = False
-                if resume is not None:
-                    resume(time.monotonic() - last)
-            last = time.monotonic()
-            executor.spin_once()
-    except (ExternalShutdownException, ROSInterruptException):
-        pass
-    except InputError:
-        raise
-    except Exception:
-        node.get_logger().fatal(f'stopped by an error:\n{traceback.format_exc()}')
-        return 1
-    return 0

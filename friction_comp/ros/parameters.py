@@ -2,18 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Declares the parameters of a node as config/parameters.yaml describes them.
 
-That file is the only place that knows defaults, meanings, ranges and choices. ROS and `launch` pass
-over names that nothing reads, so that a misspelt limit would leave the default in place: they are
-told, or refused.
+That file is the only place that knows defaults, meanings, ranges and choices. ROS passes over names
+that nothing reads, so that a misspelt limit would leave the default in place: they are told.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from difflib import get_close_matches
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 import re
-import sys
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from rcl_interfaces.msg import (
@@ -22,7 +18,6 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import InvalidParameterTypeException
 import yaml
 
 from friction_comp.errors import errors_name, InputError
@@ -108,10 +103,8 @@ class Settings:
         """Return what to say of each parameter that the node was given and does not have."""
         # Also holds what a file says of all nodes.
         given = getattr(self._node, '_parameter_overrides', {})
-        known = list(self._node.get_parameters_by_prefix(''))
-        return [f'parameter {name} does not exist, and has no effect'
-                + (f': is it {like}?' if (like := _like(name, known)) else '')
-                for name in sorted(given)
+        known = self._node.get_parameters_by_prefix('')
+        return [f'parameter {name} does not exist, and has no effect' for name in sorted(given)
                 if name not in known and not name.startswith('qos_overrides.')]
 
     @property
@@ -133,55 +126,15 @@ def _declare(node: Any, one: Described) -> None:
     elif one.range:
         descriptor.floating_point_range = [FloatingPointRange(
             from_value=one.range[0], to_value=one.range[1])]
-    # An empty list has no type, and ROS takes it for no value.
     given = getattr(node, '_parameter_overrides', {}).get(one.name)
-    empty, default = given is not None and given.value is None, one.default
-    if empty:
-        if not isinstance(default, list) or not isinstance(default[0], str):
-            raise InputError(f'parameter {one.name}: has no value (it is {_form(default)})')
-        default = ['']
+    if given is not None and given.value is None:
+        # ROS takes an empty list, which has no type, for no value.
+        raise InputError(f'parameter {one.name}: has no value')
     try:
-        node.declare_parameter(one.name, default, descriptor, ignore_override=empty)
-    except InvalidParameterTypeException as error:
-        raise InputError(
-            f'parameter {one.name}: {error} (it is {_form(one.default)})') from None
+        node.declare_parameter(one.name, one.default, descriptor)
     except Exception as error:
         # rclpy's errors for bad initial values have no common base class.
         raise InputError(f'parameter {one.name}: {error}') from None
-
-
-def _form(default: Any) -> str:
-    """Return how a parameter is written whose default this is."""
-    if isinstance(default, list):
-        return f'a list, such as {default if default != [""] else ["elbow"]}'
-    return {bool: 'true or false', int: 'a whole number',
-            float: 'a number with a point, such as 1.0'}.get(type(default), 'a text')
-
-
-def _like(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
-    """Return the name that is most alike, '' if none is."""
-    return next(iter(get_close_matches(name, list(known), 1, cutoff)), '')
-
-
-def check_arguments(file: str, given: Iterable[str], declared: Iterable[str]) -> None:
-    """Raise InputError for an argument that a launch file does not have, but a node or a like name.
-
-    `given` are the command line's, such as ``law:=none``; `declared` the names that the file has.
-    Where another launch file includes this one, they are the other's, and none is refused. Other
-    names are left alone: some are launch's own.
-    """
-    if Path(file).name not in {Path(word).name for word in sys.argv}:
-        return
-    names, parameters = list(declared), {one.name for one in described()}
-    for name in {argument.partition(':=')[0]: None for argument in given}:
-        if name in names:
-            continue
-        if name in parameters:
-            raise InputError(f'{name} is a parameter of a node and no argument of this launch '
-                             'file: set it in a copy of config/parameters.yaml, and give that with '
-                             'parameters:=FILE')
-        if like := _like(name, names, cutoff=0.8):
-            raise InputError(f'this launch file has no argument {name!r}; is it {like!r}?')
 
 
 def names_in(values: Sequence[str]) -> list[str]:

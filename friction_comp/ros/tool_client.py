@@ -1,46 +1,56 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 node for tools: actions, parameters and diagnostics of the running nodes."""
+"""What tools ask of running nodes: actions, parameters and diagnostics; and what they observe."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, ExitStack
+from contextlib import contextmanager, ExitStack, suppress
 from dataclasses import replace
 import importlib
+import math
 import os
 import sys
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray
-from friction_comp_interfaces.action import IdentifyFriction, PlayTrajectory, RefineModel
+from friction_comp_interfaces.action import IdentifyFriction, PlayTrajectory
 import numpy as np
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.action import ActionClient
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Int8MultiArray
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from friction_comp.errors import InputError
 from friction_comp.interrupts import interrupts_deferred, stopping_ends
+from friction_comp.ros.joint_io import BEST_EFFORT, command_unit
 from friction_comp.ros.ros_start import own_node
+from friction_comp.stamps import nanoseconds
+from friction_comp.topics import TOPICS, TORQUE_UNIT
 from friction_comp.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from friction_comp.monitoring.checkup import Endpoint, Observation
 
 # s: until an unanswered request is sent again, or a refused goal and a cancellation; in which a
 # cancellation must be acknowledged; without its server, until an action has no result any more; and
 # the longest goal.
 _ANSWER_TIME, _AGAIN, _CANCEL_TIME, _GONE_TIME, _LONGEST_GOAL = 5.0, 0.2, 2.0, 1.0, 3600.0
-_LOOK = 0.05    # longest time in s until a signal is heard
-_MAX_PARAMETERS = 500
+# Longest time in s until a signal is heard, and until a node that is asked for parameters answers.
+_LOOK, _TIMEOUT = 0.05, 3.0
 # Shortest duration of the approach to the first point, s, and its speed relative to the trajectory.
 _MIN_APPROACH_TIME, _APPROACH_SPEED = 2.0, 0.3
+_DOCTOR = 'friction_comp_doctor'
 
 
 def message_of(trajectory: Trajectory, later: float = 0.0) -> Any:
@@ -95,11 +105,10 @@ class ToolClient:
         for status in message.status:
             # As diagnostic_updater names it: 'node: task'.
             name = status.name.partition(':')[0]
-            self._status[name] = {'hardware_id': status.hardware_id,
-                                  **{item.key: item.value for item in status.values}}
+            self._status[name] = {item.key: item.value for item in status.values}
 
     def value(self, node: str, key: str) -> str | None:
-        """Return the last value of a key in a node's diagnostics or its hardware_id, or None."""
+        """Return the last value of a key in a node's diagnostics, or None."""
         return self._status.get(node, {}).get(key)
 
     def forget(self, node: str) -> None:
@@ -137,10 +146,10 @@ class ToolClient:
             f'{topic} with {publishers} publishers and {subscriptions} subscriptions')
 
     @contextmanager
-    def subscribed(self, kind: Any, topic: str, take: Callable[[Any], object] = lambda _: None,
-                   qos: Any = 10) -> Iterator[None]:
+    def subscribed(self, kind: Any, topic: str, take: Callable[[Any], object] = lambda _: None
+                   ) -> Iterator[None]:
         """Subscribe to a topic within the block."""
-        subscription = self.node.create_subscription(kind, topic, take, qos)
+        subscription = self.node.create_subscription(kind, topic, take, BEST_EFFORT)
         try:
             yield
         finally:
@@ -159,9 +168,8 @@ class ToolClient:
 
     def parameters(self, node: str) -> dict[str, Any]:
         """Return the parameters of a running node."""
-        listed = self._call(
-            ListParameters, f'{node}/list_parameters', ListParameters.Request()).result
-        names = list(listed.names)[:_MAX_PARAMETERS]
+        names = self._call(
+            ListParameters, f'{node}/list_parameters', ListParameters.Request()).result.names
         values = self._call(
             GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values
         return dict(zip(names, map(parameter_value_to_python, values)))
@@ -178,11 +186,6 @@ class ToolClient:
         """Send a goal, by its fields, and return its result; `report` gets each feedback."""
         return self.send_goal(IdentifyFriction, 'identify_friction',
                               IdentifyFriction.Goal(**goal), report, 'identification')
-
-    def refine(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
-        """Send a goal to the refinement node and return its result, as `identify` does."""
-        return self.send_goal(
-            RefineModel, 'refine_model', RefineModel.Goal(**goal), report, 'refinement')
 
     def play(self, trajectory: Trajectory, report: Callable[[float, str], None]) -> None:
         """Move a joint by the node `identification`; `report` gets progress 0..1 and the phase."""
@@ -202,7 +205,12 @@ class ToolClient:
         except ModuleNotFoundError:
             raise InputError('the action of trajectory controllers is missing: install '
                              'ros-jazzy-control-msgs') from None
-        distance = np.abs(trajectory.position[0] - self._positions(trajectory.joints)).max()
+        joints, places = trajectory.joints, dict[str, float]()
+        with self.subscribed(JointState, 'joint_states', lambda message: places.update(
+                zip(message.name, message.position))):
+            self.wait_until(lambda: set(joints) <= set(places),
+                            f'joint_states of {", ".join(joints)}')
+        distance = np.abs(trajectory.position[0] - [places[joint] for joint in joints]).max()
         speed = _APPROACH_SPEED * np.abs(trajectory.velocity).max()
         later = max(_MIN_APPROACH_TIME, 1.875 * distance / speed)
         end = later + trajectory.time[-1]
@@ -213,17 +221,6 @@ class ToolClient:
         self.send_goal(
             kind, f'{controller}/follow_joint_trajectory',
             kind.Goal(trajectory=message_of(trajectory, later)), report_feedback, controller)
-
-    def _positions(self, joints: tuple[str, ...]) -> np.ndarray:
-        """Return the positions of the joints, rad."""
-        positions: dict[str, float] = {}
-        with self.subscribed(
-                JointState, 'joint_states',
-                lambda message: positions.update(zip(message.name, message.position)),
-                qos_profile_sensor_data):
-            self.wait_until(
-                lambda: set(joints) <= set(positions), f'joint_states of {", ".join(joints)}')
-        return np.array([positions[joint] for joint in joints])
 
     def send_goal(self, kind: Any, name: str, goal: Any, report: Callable[[Any], None],
                   what: str) -> Any:
@@ -307,7 +304,67 @@ class ToolClient:
         while time.monotonic() < end:
             future, again = send(), time.monotonic() + _ANSWER_TIME
             while not future.done() and time.monotonic() < again:
-                self.wait(0.05)
+                self.wait(_LOOK)
             if future.done():
                 return future.result()
         raise InputError(f'{what}: nothing within {self._patience:g} s')
+
+
+def observe(seconds: float, arguments: Sequence[str],
+            progress: Callable[[float, str], None]) -> Observation:
+    """Observe a running system for `seconds` s; `progress` gets the share 0..1 and the step."""
+    from friction_comp.monitoring.checkup import Observation
+
+    seen, commands = Observation(seconds), []
+    states: defaultdict[str, list[list[float]]] = defaultdict(list)
+
+    def on_states(message: Any) -> None:
+        now, stamp = time.time(), 1e-9 * nanoseconds(message.header.stamp)
+        signals = [values if len(values) == len(message.name) else [math.nan] * len(message.name)
+                   for values in (message.position, message.velocity, message.effort)]
+        for joint, *values in zip(message.name, *signals):
+            states[joint].append([now, stamp, *values])
+
+    def on_command(message: Any) -> None:
+        commands.append([time.time(), *message.data])
+        seen.in_torque = command_unit(message) == TORQUE_UNIT
+
+    def on_diagnostics(message: Any) -> None:
+        seen.diagnostics.update({
+            status.name: (ord(status.level), status.message) for status in message.status})
+    with ToolClient(patience=_TIMEOUT, name=_DOCTOR, arguments=arguments) as ros, ExitStack() as on:
+        for kind, topic, take in ((JointState, 'joint_states', on_states),
+                                  (Float64MultiArray, 'current_command', on_command),
+                                  (DiagnosticArray, '/diagnostics', on_diagnostics),
+                                  (Clock, '/clock', lambda _: setattr(seen, 'clock', True))):
+            on.enter_context(ros.subscribed(kind, topic, take))
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            progress(0.8 * (1.0 - left / seconds), 'listening')
+            ros.wait(min(left, 2.0 * _LOOK))
+        node = ros.node
+        seen.nodes = sorted(f'{space.rstrip("/")}/{name}'
+                            for name, space in node.get_node_names_and_namespaces()
+                            if name != _DOCTOR and not name.startswith('_'))
+        seen.names = {name: node.resolve_topic_name(name) for name in TOPICS}
+        seen.topics = {name: (_endpoints(node.get_publishers_info_by_topic(name)),
+                              _endpoints(node.get_subscriptions_info_by_topic(name)))
+                       for name, types in node.get_topic_names_and_types()
+                       if {*TOPICS.values()} & set(types)}
+        for index, name in enumerate(seen.nodes):
+            progress(0.8 + 0.2 * index / len(seen.nodes), f'asking {name}')
+            # Not every node answers.
+            with suppress(InputError):
+                seen.parameters[name] = ros.parameters(name)
+    width = max(map(len, commands), default=1)
+    seen.commands = np.array([row for row in commands if len(row) == width]).reshape(-1, width)
+    seen.states = {joint: np.array(rows) for joint, rows in states.items()}
+    return seen
+
+
+def _endpoints(infos: Any) -> list[Endpoint]:
+    from friction_comp.monitoring.checkup import Endpoint
+
+    return [Endpoint(f'{info.node_namespace.rstrip("/")}/{info.node_name}', info.topic_type,
+                     info.qos_profile.reliability == ReliabilityPolicy.RELIABLE)
+            for info in infos if info.node_name != _DOCTOR]

@@ -43,7 +43,7 @@ class MujocoPlant(Plant):
         try:
             import mujoco
         except ModuleNotFoundError:
-            raise InputError('engine mujoco: MuJoCo is missing: pip install mujoco') from None
+            raise InputError('arm_file: MuJoCo is missing: pip install mujoco') from None
         if len(joints) != len(models):
             raise InputError(f'the arm needs one model per joint, not {len(models)} for '
                              f'{len(joints)} joints')
@@ -56,8 +56,8 @@ class MujocoPlant(Plant):
         self.body.opt.timestep = sample_time / SUBSTEPS
         super().__init__(models, seed, undeclared, sample_time)
         if (self._parameters['kind'] != RIGID).any():
-            raise InputError('engine mujoco simulates the links itself: model files with a gear in '
-                             'their section simulation cannot be used')
+            raise InputError('arm_file: MuJoCo simulates the links itself: model files with a gear '
+                             'in their section simulation cannot be used')
         self.body.dof_armature[self._velocity] += self._parameters['motor_inertia']
         self.data = mujoco.MjData(self.body)
         # Update the constants that depend on the armature.

@@ -21,7 +21,7 @@ from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, number
 
 _REQUIRED = ('numpy', 'scipy', 'numba', 'yaml', 'matplotlib', 'pandas', 'rosbags', 'mcap')
-_OPTIONAL = {'pinocchio': 'refine --urdf', 'mujoco': 'plant with engine mujoco',
+_OPTIONAL = {'pinocchio': 'refine --urdf', 'mujoco': 'plant with arm_file',
              'pyarrow': 'Parquet files', 'h5py': 'HDF5 files'}
 _ROS = ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'diagnostic_msgs', 'lifecycle_msgs')
 _ACTIONS = ('IdentifyFriction', 'PlayTrajectory', 'RefineModel')
@@ -41,7 +41,7 @@ def main(argv: list[str] | None = None) -> int:
     findings = list(check_machine())
     if arguments.seconds and not _with(findings, 'problem'):
         from friction_comp.monitoring.checkup import check_system
-        from friction_comp.ros.system_probe import observe
+        from friction_comp.ros.tool_client import observe
 
         with progress('observing') as report:
             seen = observe(arguments.seconds, arguments.ros, report)
