@@ -3,6 +3,7 @@
 """Runs nodes in separate processes."""
 
 import atexit
+from contextlib import contextmanager, suppress
 import functools
 import json
 import os
@@ -43,6 +44,21 @@ class Host:
 def host():
     """Return the host of all nodes; their kernels are compiled at its start."""
     return Host()
+
+
+@contextmanager
+def unread_pipe(folder):
+    """Yield a full pipe that nobody reads, such as that of a `| less` at its first page."""
+    pipe = folder / 'pipe'
+    os.mkfifo(pipe)
+    end = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(end, b'.')
+    try:
+        yield pipe
+    finally:
+        os.close(end)
 
 
 def environment(**changes):

@@ -5,7 +5,6 @@
 from pathlib import Path
 import shutil
 import signal
-from types import SimpleNamespace
 
 from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import RefineModel
@@ -18,8 +17,7 @@ from ros_system import Goals, joint_state, MODELS, own_domain, probe_node, RELIA
 from sensor_msgs.msg import JointState
 
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes import refinement
-from friction_comp.nodes.refinement import LiveRows, Message, RecentPast
+from friction_comp.nodes.refinement import LiveRows
 
 JOINT = 'elbow'
 STEP = 0.02
@@ -80,23 +78,6 @@ def bench(room):
         bench = Bench(probe)
         yield bench
         bench.close()
-
-
-def test_the_recent_past_has_its_limits(monkeypatch):
-    clock = [0.0]
-    monkeypatch.setattr(refinement, 'time', SimpleNamespace(monotonic=lambda: clock[0]))
-    past = RecentPast(600.0, 50)
-    assert past.last() == []
-    for second in (3, 1, 2, 4):
-        clock[0] += 1.0
-        past.add(Message(second * 10**9, 'states', 'kind', b'1234'))
-    assert [message.stamp for message in past.last()] == [10**9, 2 * 10**9, 3 * 10**9, 4 * 10**9]
-    assert [message.stamp for message in past.last(1.5)] == [3 * 10**9, 4 * 10**9]
-    past.add(Message(5 * 10**9, 'states', 'kind', b'1' * 46))
-    assert [message.stamp for message in past.last()] == [4 * 10**9, 5 * 10**9]
-    clock[0] += 601.0
-    past.add(Message(6 * 10**9, 'states', 'kind', b'1234'))
-    assert [message.stamp for message in past.last()] == [6 * 10**9]
 
 
 def test_states_have_the_load_of_their_time():

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Callable
 import math
 from time import monotonic
 from typing import Any
@@ -32,26 +33,6 @@ _ACKNOWLEDGEMENT_TIME = 0.5
 # Parameters of the note's movement.
 _MOVEMENT = ('amplitude', 'speed', 'acceleration_time', 'standstill', 'announcement',
              'repetitions')
-# Reports, one per second, after which missing joints are logged.
-_REPORTS_BEFORE_WARNING = 3
-
-
-class _AllAlike:
-    """The same movement of all joints, as an exercise."""
-
-    def __init__(self, movement: ReferenceMovement, joints: int) -> None:
-        self._movement, self._joints = movement, joints
-        self.duration = movement.duration
-
-    def at(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return position, velocity and direction at a time, each (J,)."""
-        position, velocity, direction = (
-            np.full(self._joints, value) for value in self._movement.at(time))
-        return position, velocity, direction
-
-    def ends(self, time: float) -> np.ndarray:
-        """Return where the announced movements end, rad, shape (J,)."""
-        return np.full(self._joints, self._movement.end(self._movement.at(time)[2]))
 
 
 class ExerciseNode(Node):
@@ -71,10 +52,17 @@ class ExerciseNode(Node):
         self.finished = False
         settings = self._settings = Settings(self, 'exercise')
         self._joints = settings.joints
-        file = settings['exercise_file']
-        self._exercise = load_exercise(file).of(self._joints) if file else _AllAlike(
-            ReferenceMovement(**{name: settings[name] for name in _MOVEMENT}), len(self._joints))
-        self._duration = self._exercise.duration
+        self._at: Callable[[float], Any]
+        self._ends: Callable[[float], Any]
+        if file := settings['exercise_file']:
+            exercise = load_exercise(file).of(self._joints)
+            self._at, self._ends, self._duration = exercise.at, exercise.ends, exercise.duration
+        else:
+            # The same movement of all joints.
+            movement = ReferenceMovement(**{name: settings[name] for name in _MOVEMENT})
+            self._duration, size = movement.duration, len(self._joints)
+            self._at = lambda time: [np.full(size, one) for one in movement.at(time)]
+            self._ends = lambda time: np.full(size, movement.end(movement.at(time)[2]))
         # Ticks: the start of the movement, the first and the last one, ns; the time of the last
         # reference since the start, s.
         self._start: int | None = None
@@ -86,8 +74,6 @@ class ExerciseNode(Node):
         self._origin: np.ndarray | None = None
         # Several drivers may each publish some of the joints.
         self._received = np.full(len(self._joints), np.nan)
-        self._named_joints: set[str] = set()
-        self._reports = 0
         self._connect(QOS[settings['input_reliability']])
 
     def _connect(self, qos: QoSProfile) -> None:
@@ -118,7 +104,6 @@ class ExerciseNode(Node):
             return
         position, _, _ = self._columns.read(message)
         self._received = np.where(np.isfinite(position), position, self._received)
-        self._named_joints.update(message.name)
         if np.isfinite(self._received).all():
             self._origin = self._received
 
@@ -164,8 +149,8 @@ class ExerciseNode(Node):
         return monotonic() - self._connected_since > _DISCOVERY_TIME
 
     def _move(self, time: float) -> None:
-        position, velocity, direction = self._exercise.at(time)
-        ends = self._exercise.ends(time)
+        position, velocity, direction = self._at(time)
+        ends = self._ends(time)
         if not self._settings['announce_direction']:
             direction, ends = np.zeros_like(direction), np.full_like(ends, math.nan)
         self._time = time
@@ -206,16 +191,9 @@ class ExerciseNode(Node):
             return 'waits for listeners to the direction'
         if self._origin is not None:
             return 'waits for /clock'
-        if not self._named_joints:
-            return 'waits for joint_states'
         missing = [joint for joint, position in zip(self._joints, self._received)
                    if not np.isfinite(position)]
-        text = (f'waits for a position of {", ".join(missing)}: joint_states hold '
-                f'{", ".join(sorted(self._named_joints))}')
-        self._reports += 1
-        if self._reports == _REPORTS_BEFORE_WARNING:
-            self.get_logger().warning(text)
-        return text
+        return f'waits for a position of {", ".join(missing)} in joint_states'
 
     def leave(self) -> None:
         """Announce no direction."""

@@ -47,45 +47,19 @@ _TIMEOUT, _SILENCE = 20.0, 3.0
 # Messages that are written at once.
 _AT_ONCE = 500
 # ns between states that are compared, and of difference up to which a load, or temperature, counts.
-_STEP, _LOAD_AGE, _TEMPERATURE_AGE = 8_000_000, 50_000_000, 60 * NANO
-_SLOW = {'interaction_wrench': (WrenchStamped, lambda message: message.wrench.torque.z),
-         'motor_temperature': (Temperature, lambda message: message.temperature)}
+_STEP, _AGES = 8_000_000, np.array([[50_000_000], [60 * NANO]])
+_SLOW = {'interaction_wrench': (0, WrenchStamped, lambda message: message.wrench.torque.z),
+         'motor_temperature': (1, Temperature, lambda message: message.temperature)}
 
 
 class Message(NamedTuple):
-    """One message."""
+    """A recorded message."""
 
+    arrived: float    # real s
     stamp: int    # ns
     topic: str
     type_name: str
     cdr: bytes
-
-
-class RecentPast:
-    """The messages of the last `seconds`, real s, at most `size` bytes of them."""
-
-    def __init__(self, seconds: float, size: int):
-        self._seconds, self._largest, self.size = seconds, size, 0
-        self._kept = deque[tuple[float, Message]]()
-
-    def add(self, message: Message) -> None:
-        """Add a message, and remove the oldest ones beyond the limits."""
-        now = time.monotonic()
-        self._kept.append((now, message))
-        self.size += len(message.cdr)
-        while self.size > self._largest or self._kept[0][0] < now - self._seconds:
-            self.size -= len(self._kept.popleft()[1].cdr)
-
-    @property
-    def span(self) -> float:
-        """Duration of the messages, s."""
-        return self._kept[-1][0] - self._kept[0][0] if self._kept else 0.0
-
-    def last(self, seconds: float = 0.0) -> list[Message]:
-        """Return the messages of the last `seconds` by their stamps, in their order; 0: all."""
-        messages = sorted((message for _, message in self._kept), key=lambda one: one.stamp)
-        since = messages[-1].stamp - seconds * NANO if messages and seconds > 0.0 else 0.0
-        return [message for message in messages if message.stamp >= since]
 
 
 class LiveRows:
@@ -94,26 +68,25 @@ class LiveRows:
     def __init__(self, joints: list[str], effort_per_current: Sequence[float]) -> None:
         self._joints, self._gains = joints, np.asarray(effort_per_current)
         self._columns, self._last = JointColumns(joints), 0
-        # Of each slow topic and joint: stamp and value.
-        self._slow = {topic: [(-_TEMPERATURE_AGE, math.nan)] * len(joints) for topic in _SLOW}
+        # Stamps and values of the slow topics, (2, J).
+        self._stamps, self._values = np.zeros((2, len(joints))), np.full((2, len(joints)), np.nan)
         self._rows: list[np.ndarray] = []
 
     def add(self, topic: str, stamp: int, cdr: bytes) -> None:
         """Take a message of any topic."""
         if topic in _SLOW:
-            kind, value_of = _SLOW[topic]
+            place, kind, value_of = _SLOW[topic]
             message = deserialize_message(cdr, kind)
             if message.header.frame_id in self._joints:
-                joint = self._joints.index(message.header.frame_id)
-                self._slow[topic][joint] = stamp, value_of(message)
+                at = place, self._joints.index(message.header.frame_id)
+                self._stamps[at], self._values[at] = stamp, value_of(message)
         elif topic == STATES and not self._last <= stamp < self._last + _STEP:
             self._last = stamp
             position, velocity, effort = self._columns.read(deserialize_message(cdr, JointState))
-            slow = [[value if abs(stamp - at) <= age else math.nan for at, value in values]
-                    for values, age in zip(self._slow.values(), (_LOAD_AGE, _TEMPERATURE_AGE))]
+            slow = np.where(np.abs(stamp - self._stamps) <= _AGES, self._values, np.nan)
             self._rows.append(np.array([
-                [stamp / NANO] * len(position), position,
-                np.full(len(position), math.nan) if velocity is None else velocity,
+                np.full_like(position, stamp / NANO), position,
+                np.full_like(position, np.nan) if velocity is None else velocity,
                 effort / self._gains, *slow]))
 
     def take(self) -> list[np.ndarray]:
@@ -140,7 +113,7 @@ class RefinementNode(Node):
         self._files = dict(zip(self._joints, names_in(settings['model_files'])))
         self._residuals = {joint: LiveResidual(model, settings['tolerance'])
                            for joint, model in zip(self._joints, models)}
-        self._past = RecentPast(settings['memory'], round(1e6 * settings['memory_size']))
+        self._past, self._memory = deque[Message](), settings['memory']
         self._in_ampere = settings['effort_holds'] == 'current'
         self._rows = LiveRows(self._joints, [
             1.0 if self._in_ampere else model.drive.torque_per_current for model in models])
@@ -166,7 +139,10 @@ class RefinementNode(Node):
             self._hear_compensator(deserialize_message(cdr, DiagnosticArray))
             return
         self._rate.count += topic == STATES
-        self._past.add(Message(stamp, self._topics[topic].name, RECORDED[topic], cdr))
+        now = time.monotonic()
+        self._past.append(Message(now, stamp, self._topics[topic].name, RECORDED[topic], cdr))
+        while self._past[0].arrived < now - self._memory:
+            self._past.popleft()
         self._rows.add(topic, stamp, cdr)
 
     def _hear_compensator(self, message: Any) -> None:
@@ -243,7 +219,7 @@ class RefinementNode(Node):
         if not request.recording:
             if blind := self._residuals[joint].blind:
                 raise InputError(f'{joint}: the messages kept do not show the friction: {blind}')
-            await self._write(recording, self._past.last(request.seconds), goal_handle)
+            await self._write(recording, request.seconds, goal_handle)
         job = self._job = RefinementProcess(given, recording, output)
         while not job.poll():
             if self._ended(goal_handle):
@@ -260,12 +236,14 @@ class RefinementNode(Node):
     def _ended(self, goal_handle: Any) -> str:
         return self._stopped or 'cancelled on request' * goal_handle.is_cancel_requested
 
-    async def _write(self, path: Path, messages: list[Message], goal_handle: Any) -> None:
-        """Write messages as a recording, while others go on to arrive."""
+    async def _write(self, path: Path, seconds: float, goal_handle: Any) -> None:
+        """Write the messages of the last s, 0 for all, while others go on to arrive."""
+        messages = sorted(self._past, key=lambda one: one.stamp)
         if not messages:
             raise InputError('no messages are kept')
+        since = messages[-1].stamp - seconds * NANO if seconds > 0.0 else 0.0
         with RecordingWriter(path, {'recorded_by': 'friction_comp refinement'}) as writer:
-            for number, message in enumerate(messages):
+            for number, message in enumerate(one for one in messages if one.stamp >= since):
                 writer.write(message.topic, message.type_name, message.stamp, message.cdr)
                 if number % _AT_ONCE == 0:
                     await yield_to_executor()
@@ -299,7 +277,7 @@ class RefinementNode(Node):
 
     def _report(self) -> tuple[Any, ...]:
         values = {'joint_states per second of real time': self._rate.per_second(),
-                  'kept [s]': self._past.span, 'kept [MB]': self._past.size / 1e6,
+                  'kept messages': len(self._past),
                   'last goal': self._goals.last, 'last refusal': self._goals.refused}
         misfits = []
         for joint, residual in self._residuals.items():

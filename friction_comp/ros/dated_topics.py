@@ -50,7 +50,7 @@ _CHECK_PERIOD = 0.1
 _LONGEST_WAIT, _MOST_WAITING = 5 * NANO, 100_000
 # Real s within which the middleware repeats a lost message, and those that it withholds until then.
 _REPEATED = 0.25
-# Length of the queue: ten seconds at a kilohertz; and messages remembered to detect duplicates.
+# Length of the queue: ten seconds at a kilohertz.
 DEPTH = 10_000
 
 
@@ -63,61 +63,48 @@ def stamp_of(cdr: bytes) -> int:
 
 
 class RecordedTopic:
-    """Subscribes to a topic: reliably where all publishers offer that, else with best effort.
+    """Subscribes to a topic: reliably, until a publisher is found that does not offer that.
 
-    What they offer is known only after discovery, and messages may arrive earlier: the first
-    subscription is reliable. Another one takes its place as soon as it hears as many publishers;
-    what both receive is taken once. `lost` counts the messages that the middleware has missed.
-
-    `take` is called with each serialised message and the middleware's message info.
+    `lost` counts the messages that the middleware has missed. `take` is called with each serialised
+    message and the middleware's message info.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str,
                  take: Callable[[bytes, dict[str, Any]], None]) -> None:
         self.name = node.resolve_topic_name(topic)
         self.lost = 0
-        self._node, self._kind, self._topic, self._take = node, kind, topic, take
-        self._reliability = ReliabilityPolicy.RELIABLE
-        self._subscriptions: list[Any] = []
-        # In the order of arrival; only the keys are used.
-        self._seen: dict[tuple[int, int], None] = {}
-        self._subscribe()
+        self._node, self._kind, self._take = node, kind, take
+        self._subscribe(ReliabilityPolicy.RELIABLE)
 
-    def _subscribe(self) -> None:
-        lost_before = 0
+    def _subscribe(self, reliability: ReliabilityPolicy) -> None:
+        lost_before, self._reliability = self.lost, reliability
 
         def count_lost(event: Any) -> None:
-            nonlocal lost_before
-            self.lost, lost_before = self.lost + event.total_count - lost_before, event.total_count
+            self.lost = lost_before + event.total_count
 
         def take(message: bytes, info: dict[str, Any]) -> None:
-            self._receive(message, info)
+            self._take(message, info)
             # The executor takes one message per poll of all entities.
-            self._drain(subscription)
-        subscription = self._node.create_subscription(
-            self._kind, self._topic, take, QoSProfile(depth=DEPTH, reliability=self._reliability),
-            # By default, a word in the log of each publisher that the first one does not hear.
+            self.drain()
+        self._subscription = self._node.create_subscription(
+            self._kind, self.name, take, QoSProfile(depth=DEPTH, reliability=reliability),
+            # By default, a word in the log of each publisher that this does not hear.
             event_callbacks=SubscriptionEventCallbacks(
                 message_lost=count_lost, use_default_callbacks=False), raw=True)
-        self._subscriptions.append(subscription)
 
     @property
     def publisher_count(self) -> int:
         """Number of connected publishers."""
-        return max(one.get_publisher_count() for one in self._subscriptions)
+        return self._subscription.get_publisher_count()
 
     def check_publishers(self) -> None:
-        """Subscribe as the publishers offer, and end a subscription that is not needed any more."""
-        offers = {info.qos_profile.reliability for info in self._publishers()}
-        best = (ReliabilityPolicy.RELIABLE if offers == {ReliabilityPolicy.RELIABLE}
-                else ReliabilityPolicy.BEST_EFFORT)
-        if offers and best != self._reliability:
-            self._reliability = best
-            self._subscribe()
-        former, last = self._subscriptions[0], self._subscriptions[-1]
-        if former is not last and last.get_publisher_count() >= former.get_publisher_count():
-            self._drain(former)
-            self._node.destroy_subscription(self._subscriptions.pop(0))
+        """Subscribe with best effort if a publisher offers no more."""
+        if self._reliability == ReliabilityPolicy.RELIABLE and any(
+                info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+                for info in self._publishers()):
+            self.drain()
+            self._node.destroy_subscription(self._subscription)
+            self._subscribe(ReliabilityPolicy.BEST_EFFORT)
 
     def _publishers(self) -> Any:
         return self._node.get_publishers_info_by_topic(self.name)
@@ -131,25 +118,13 @@ class RecordedTopic:
 
     def drain(self) -> None:
         """Process all messages that have arrived."""
-        for subscription in self._subscriptions:
-            self._drain(subscription)
-
-    def _drain(self, subscription: Any) -> None:
-        with subscription.handle:
+        handle = self._subscription.handle
+        with handle:
             for _ in range(DEPTH):
-                message = subscription.handle.take_message(self._kind, True)
+                message = handle.take_message(self._kind, True)
                 if message is None:
                     return
-                self._receive(*message)
-
-    def _receive(self, message: bytes, info: dict[str, Any]) -> None:
-        key = info['source_timestamp'], info['publication_sequence_number'] or 0
-        if key in self._seen:
-            return
-        self._seen[key] = None
-        if len(self._seen) > DEPTH:
-            del self._seen[next(iter(self._seen))]
-        self._take(message, info)
+                self._take(*message)
 
 
 class DatedTopics:
