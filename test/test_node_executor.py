@@ -57,11 +57,12 @@ def room(request):
             rclpy.try_shutdown(context=context)
 
 
-def until(executor, condition):
+def until(executor, condition, meanwhile=lambda: None):
     end = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < end
-        executor.spin_once(0.05)
+        meanwhile()
+        executor.spin_once(0.01)
 
 
 def test_messages_of_earlier_subscriptions_are_processed_first(room):
@@ -95,28 +96,27 @@ def test_subscriptions_may_come_and_go_in_a_callback(room):
     until(executor, lambda: ('second', 7) in node.heard)
 
 
+def asked(room, name, meanwhile=lambda: None):
+    """Return a node's answer to a service."""
+    probe, _, executor = room
+    client = probe.create_client(Trigger, name)
+    probe.until(client.service_is_ready, 'the service')
+    future = client.call_async(Trigger.Request())
+    until(executor, future.done, lambda: (meanwhile(), probe.spin_for(0.002)))
+    return future.result()
+
+
 def test_services_and_callbacks_that_wait_go_on_beside_the_messages(room):
     probe, node, executor = room
-    client = probe.create_client(Trigger, 'ask')
-    probe.until(client.service_is_ready, 'the service')
-    end = time.monotonic() + PATIENCE
-    future, k = client.call_async(Trigger.Request()), 0
-    while not future.done():
-        assert time.monotonic() < end
-        k += 1
-        probe._published['first'].publish(Int32(data=k))
-        executor.spin_once(0.001)
-        probe.spin_for(0.0)
-        probe._executor_.spin_once(timeout_sec=0.001)
-    assert future.result().message == 'heard'
-    until(executor, lambda: ('first', k) in node.heard)
 
     async def later(message):
         node.heard.append(('later', message.data))
     node.create_subscription(Int32, 'first', later, RELIABLE)
-    until(executor, lambda: probe._published['first'].get_subscription_count() == 2)
-    probe._published['first'].publish(Int32(data=-1))
-    until(executor, lambda: ('later', -1) in node.heard)
+    first = probe._published['first']
+    until(executor, lambda: first.get_subscription_count() == 2)
+    assert asked(room, 'ask', lambda: first.publish(Int32(data=1))).message == 'heard'
+    first.publish(Int32(data=-1))
+    until(executor, lambda: {('first', -1), ('later', -1)} <= set(node.heard))
 
 
 def test_what_raises_an_error_is_refused_and_the_next_is_processed(room):
@@ -125,26 +125,16 @@ def test_what_raises_an_error_is_refused_and_the_next_is_processed(room):
 
     def fail(*_):
         raise ZeroDivisionError('as if')
-
-    def choosy(topic, message):
-        hear(topic, message) if message.data else fail()
-    node.hear, node.answer = choosy, fail
+    node.hear = lambda topic, message: hear(topic, message) if message.data else fail()
     node.create_service(Trigger, 'fail', fail)
-    client = probe.create_client(Trigger, 'fail')
-    probe.until(client.service_is_ready, 'the service')
     for number in (0, 1):
         probe._published['first'].publish(Int32(data=number))
     # Bytes that are no message of the type.
     probe._published['second'].publish(b'\x00\x01\x00\x00\x01')
     until(executor, lambda: node.heard == [('first', 1)])
-    future = client.call_async(Trigger.Request())
-    end = time.monotonic() + PATIENCE
-    while not future.done():
-        assert time.monotonic() < end
-        executor.spin_once(0.001)
-        probe.spin_for(0.001)
-    assert not future.result().success
-    assert 'as if' in future.result().message
+    answer = asked(room, 'fail')
+    assert not answer.success
+    assert 'as if' in answer.message
     probe._published['second'].publish(Int32(data=2))
     until(executor, lambda: node.heard[-1] == ('second', 2))
 
