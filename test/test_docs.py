@@ -7,6 +7,7 @@ import importlib.util
 from pathlib import Path
 import re
 import shlex
+from types import SimpleNamespace
 
 from helpers import ROOT
 import numpy as np
@@ -27,7 +28,7 @@ DOCS = ROOT / 'docs'
 # Words of each page at most, where it is less than of any other.
 MOST = {
     'README': 700, 'CONTRIBUTING': 650, 'start': 500, 'measure': 900, 'for_my_robot': 600,
-    'own_robot': 1000, 'daily_use': 650, 'note_errors': 800, 'architecture': 1200, 'tools': 900,
+    'own_robot': 1000, 'daily_use': 650, 'note_errors': 800, 'architecture': 1000, 'tools': 900,
     'reports': 1000, 'glossary': 300, 'results': 1200, 'msg_docs': 1900, 'nodes': 350,
     'safety': 820, 'torque_controlled_robots': 400, 'identification': 900, 'direction': 700,
     'excite': 450, 'follow': 450}
@@ -170,7 +171,19 @@ def check_node(arguments):
             assert flag in ('-r', '--enclave')
 
 
-def check_other(words):
+def check_goal(fields, drive):
+    """A goal without what a page leaves to the defaults is accepted for the page's drive."""
+    from friction_comp.nodes.goals import make_goal
+
+    declared = yaml.safe_load((ROOT / 'config' / 'parameters.yaml').read_text(encoding='utf-8'))
+    parameters = declared['/**/identification']['ros__parameters']
+    defaults = {name: parameters[f'default_{name}'] for name in (
+        'speeds', 'motion_range', 'ramp_slope', 'ramp_period', 'breakaway_cycles')}
+    request = SimpleNamespace(**{**dict.fromkeys(defaults), 'joint': 'elbow', **fields})
+    make_goal(request, [request.joint], defaults)[1].check(drive)
+
+
+def check_other(words, drive):
     """Commands that are not this package's own: what they name of it is there."""
     if words[0] == 'make':
         targets = re.findall(r'^(\w+):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
@@ -183,7 +196,10 @@ def check_other(words):
     elif words[:2] == ['ros2', 'action']:
         goal = (ROOT / f'{words[-2]}.action').read_text(encoding='utf-8').partition('---')[0]
         fields = re.findall(r'^\S+ (\w+)$', goal, re.MULTILINE)
-        assert set(yaml.safe_load(words[-1])) <= set(fields)
+        given = yaml.safe_load(words[-1])
+        assert set(given) <= set(fields)
+        if 'IdentifyFriction' in words[-2]:
+            check_goal(given, drive)
     elif words[:3] == ['ros2', 'param', 'set']:
         assert words[3].strip('/') in NODES
 
@@ -207,7 +223,7 @@ def make_what_is_read(arguments, drive):
 def step(words, drive, follow):
     """Do a step of a page, or only read its arguments."""
     if not is_own(words):
-        check_other(words)
+        check_other(words, drive.drive)
         return
     name, *arguments = words[3:] or ['--help']
     if name in NODES:
