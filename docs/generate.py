@@ -364,7 +364,7 @@ def main() -> None:
         (STORED / f'{arguments.name}.json').write_text(
             json.dumps(numbers, indent=1, ensure_ascii=False) + '\n', encoding='utf-8')
         if kind.draw and kind.words:
-            from friction_comp.reports.figures import to_file
+            from pictures import to_file
 
             (HERE / f'{arguments.name}.svg').write_text(to_file(
                 kind.draw(arguments.result.parent), 'A hand moves a joint to and fro',

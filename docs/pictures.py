@@ -15,11 +15,11 @@ from friction_comp.refinement import refine
 from friction_comp.reports.figures import (
     COLOURS,
     curve,
+    INK,
     legend,
     panels,
     scatter,
     styled,
-    to_file,
     to_svg,
 )
 from friction_comp.simulation.cheap_sensors import CheapForce
@@ -32,6 +32,20 @@ velocity, a step at zero and a straight line on either side."""
 # The person begins to push at 2.3 s; the joint moves from 2.55 to 4.2 s.
 PUSH, MOVES, ENDS, LAST = 2.3, 2.55, 4.2, 5.5
 CALIBRATED = 4.0
+
+
+def to_file(figure, title, description):
+    """Return a figure as the content of an SVG file for light and dark pages."""
+    text = to_svg(figure)
+    start = text.index('>') + 1
+    return f"""{text[:start]}
+<!-- Copyright 2026 The friction_comp authors, SPDX-License-Identifier: Apache-2.0 -->
+<title>{title}</title>
+<desc>{description}</desc>
+<style>
+  svg {{ color: {INK}; background: #ffffff }}
+  @media (prefers-color-scheme: dark) {{ svg {{ color: #e4e9ee; background: #161c22 }} }}
+</style>{text[start:]}"""
 
 
 def position(time):

@@ -217,7 +217,7 @@ def test_what_came_before_the_movement_is_shaded(evaluation):
 
 
 # Colours that one figure may show together.
-TOGETHER = (('measured', 'predicted', 'before'), ('no help', 'unknown', 'known', 'other'),
+TOGETHER = (('measured', 'predicted'), ('no help', 'unknown', 'known', 'other'),
             ('no help', 'unknown', 'known', 'refined'), ('measured', 'out'))
 
 

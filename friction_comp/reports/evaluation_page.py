@@ -170,21 +170,12 @@ def with_interval(found: Interval | None) -> str:
     """Return a mean ± half its interval, with as many digits as are significant."""
     if found is None:
         return '–'
-    half = found.half
-    if half is None:
+    if found.half is None:
         return number(found.mean)
-    size = max(abs(found.mean), half)
-    if not size:
-        return '0'
-    # As many decimals as the interval justifies, but no more than four digits in total.
-    most = 3 - math.floor(math.log10(size))
-    wanted = 1 - math.floor(math.log10(half)) if half > 0 else most
-    places = max(min(wanted, most), 0)
-    mean = f'{found.mean:.{places}f}'.replace('-', '\u2212')
-    half_text = f'{half:.{places}f}' if half == 0 or half >= 0.5 * 10.0 ** -places else (
-        f'<\u202f{10.0 ** -places:.{places}f}')
+    # As many decimals as the interval justifies, but no more than four.
+    places = 4 if found.half <= 0.0 else min(max(1 - math.floor(math.log10(found.half)), 0), 4)
     # No line break between a number and its interval.
-    return f'{mean}\u00a0±\u00a0{half_text}'
+    return f'{found.mean:.{places}f}\u00a0±\u00a0{found.half:.{places}f}'.replace('-', '\u2212')
 
 
 def evaluation_page(evaluations: Sequence[Evaluation], title: str = '') -> Report:
@@ -217,15 +208,6 @@ def evaluation_page(evaluations: Sequence[Evaluation], title: str = '') -> Repor
 
 def _add(page: Report, evaluation: Evaluation) -> None:
     peaks = peaks_of(evaluation)
-    if peaks:
-        starts = sum(c.false_starts for c in evaluation.conditions)
-        without, known = peaks.texts()
-        page.numbers([
-            (without, 'to set the joint in motion ' + (
-                'without help' if peaks.pair[0].law == 'none'
-                else 'when the direction is not known')),
-            (known, 'when the robot knows the direction'),
-            (str(starts), 'times the joint started by itself')])
     page.bullets(remarks(evaluation))
     if evaluation.measured:
         page.figure(_repetitions_figure(evaluation), 'Peak torque of each movement, in the order '

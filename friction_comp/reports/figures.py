@@ -29,18 +29,18 @@ T = TypeVar('T')
 
 # From the palettes of Okabe and Ito (2008), legible on white and near-black.
 COLOURS = {
-    'measured': '#7a8491', 'predicted': '#0b78c2', 'before': '#c98500',
+    'measured': '#7a8491', 'predicted': '#0b78c2',
     'no help': '#d55e00', 'unknown': '#d98cc4', 'known': '#009e73', 'other': '#e6c229',
     'refined': '#1f4fa0', 'out': '#d2454f', 'faint': '#9aa5b1'}
-"""What a colour stands for: measured and predicted values, the friction curve alone (or the model
-given); no help, help without and with a known direction, with another law or model."""
+"""What a colour stands for: measured and predicted values; no help, help without and with a known
+direction, with another law or model; what is out."""
 # Placeholder for the page's text colour, which replaces it in the SVG.
 INK = '#1a2b3d'
 WIDTH = 6.6
 """Width of every figure, inches."""
 # Inches around the panels, and between two that share their axis of x, or not.
 _LEFT, _RIGHT, _TOP, _BOTTOM, _SHARED, _APART = 0.8, 0.12, 0.34, 0.5, 0.16, 0.72
-_MOST_DOTS, _MOST_MARKERS = 6000, 1500
+_FEW_DOTS, _MOST_DOTS, _MOST_MARKERS = 200, 6000, 1500
 
 _STYLE: dict[Any, Any] = {
     'axes.edgecolor': INK, 'axes.labelcolor': INK, 'axes.titlecolor': INK,
@@ -117,7 +117,22 @@ def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = 'measured',
         chosen = np.sort(np.random.default_rng(0).choice(len(x), _MOST_DOTS, replace=False))
         x, y = x[chosen], y[chosen]
     # Below and wider than lines, so that one shows beside the other.
-    curve(axes, x, y, colour, label, '.', markersize=4.5, alpha=0.5, markeredgewidth=0, zorder=1.5)
+    size, alpha = (4.5, 0.5) if len(x) > _FEW_DOTS else (9.0, 0.9)
+    curve(axes, x, y, colour, label, '.', markersize=size, alpha=alpha, markeredgewidth=0,
+          zorder=1.5)
+
+
+def measured_and_predicted(labels: tuple[str, str], x: str, line: tuple[np.ndarray, np.ndarray],
+                           name: str, dots: tuple[np.ndarray, np.ndarray], error: np.ndarray
+                           ) -> tuple[Figure, list[Axes]]:
+    """Draw a line named `name`, measured dots, and the error of each dot in a strip below."""
+    figure, axes = panels(labels, x, (2.3, 0.9))
+    curve(axes[0], *line, 'predicted', name, linewidth=1.2)
+    scatter(axes[0], *dots, label='measured')
+    scatter(axes[1], dots[0], error)
+    zero(axes[1])
+    legend(axes[0])
+    return figure, axes
 
 
 def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour: str,
@@ -175,20 +190,6 @@ def to_svg(figure: Figure) -> str:
     text = re.sub(r'([ML] -?\d+\.\d{3})\d*( -?\d+\.\d{3})\d*', r'\1\2', text)
     return text.replace(INK, 'currentColor').replace(
         "'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
-
-
-def to_file(figure: Figure, title: str, description: str) -> str:
-    """Return a figure as the content of an SVG file for light and dark pages."""
-    text = to_svg(figure)
-    start = text.index('>') + 1
-    return f"""{text[:start]}
-<!-- Copyright 2026 The friction_comp authors, SPDX-License-Identifier: Apache-2.0 -->
-<title>{title}</title>
-<desc>{description}</desc>
-<style>
-  svg {{ color: {INK}; background: #ffffff }}
-  @media (prefers-color-scheme: dark) {{ svg {{ color: #e4e9ee; background: #161c22 }} }}
-</style>{text[start:]}"""
 
 
 def for_page(figure: Figure, linear: bool = False) -> str:

@@ -16,14 +16,11 @@ import numpy as np
 from friction_comp.arm.whole_arm import ArmResult
 from friction_comp.fleet.population import ParameterSpread, Population
 from friction_comp.number_text import interval_text, number, quantity
-from friction_comp.refinement.result import RefinementReport
-from friction_comp.reports.figures import COLOURS, curve, legend, panels, styled
+from friction_comp.reports.figures import COLOURS, panels, styled
 from friction_comp.reports.html import Link, Report
 from friction_comp.reports.refinement_page import effect_names
 
 _VERDICTS = ('trust', 'trust in part', 'record again')
-# Ratio of the ends of its interval up to which a current per torque counts as determined.
-_LARGEST_RATIO = 3.0
 # Units up to which each has an interval in the figure.
 _MOST_INTERVALS = 60
 
@@ -51,11 +48,7 @@ def each_page(content: dict[str, Any], populations: Sequence[Population] = ()) -
         _add_fleet(page, population)
     page.heading('Recordings')
     for unit in dict.fromkeys(row['unit'] for row in rows):
-        own = sorted((row for row in rows if row['unit'] == unit),
-                     key=lambda row: str(row['joint']))
-        page.figure(_errors_figure(own, unit), 'Error on data not fitted: of the friction curve '
-                    'alone, or of the model given (open), of the refined model (filled), and noise '
-                    '(line); by joint and recording.')
+        own = [row for row in rows if row['unit'] == unit]
         page.table(
             ['recording', *['joint'] * (len(joints) > 1), 'verdict', f'before ({unit})',
              f'after ({unit})', 'found'],
@@ -65,7 +58,8 @@ def each_page(content: dict[str, Any], populations: Sequence[Population] = ()) -
               effect_names(effect['name'] for effect in row['effects'])
               + ''.join(f'; depends on {name}, too' for name in row['unexplained'])]
              for row in own],
-            'RMS of measured minus predicted on parts that were not fitted.')
+            'RMS of measured minus predicted on parts that were not fitted: of the friction curve '
+            'alone or the model given, and of the refined model.')
     page.table([*['joint'] * (len(joints) > 1), 'effect', 'depends on', 'found in'],
                [row[len(joints) < 2:] for row in _effect_rows(rows, joints)],
                'An effect that only some recordings show lacks a motion in the others, or is no '
@@ -165,27 +159,6 @@ def _spread(one: ParameterSpread) -> str:
     return f'{number(one.spread, 2)} {one.unit}'
 
 
-@styled
-def _errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
-    """Draw errors before and after refinement; rows must be grouped by joint."""
-    figure, (axes,) = panels([f'RMS error ({unit})'], 'joints, and their recordings', 2.2)
-    x = np.arange(len(rows))
-    before, after, noise = (np.array([row[name] for row in rows], dtype=float)
-                            for name in ('before', 'after', 'noise_floor'))
-    axes.vlines(x, after, before, color=COLOURS['faint'], linewidth=0.8)
-    curve(axes, x, before, 'before', 'before', 'o', markerfacecolor='none', markersize=5)
-    curve(axes, x, after, 'predicted', 'refined', 'o', markersize=5)
-    axes.hlines(noise, x - 0.4, x + 0.4, color=COLOURS['measured'], linewidth=1.2, label='noise')
-    joints, begins, counts = np.unique([row['joint'] for row in rows], return_index=True,
-                                       return_counts=True)
-    for begin in sorted(begins)[1:]:
-        axes.axvline(begin - 0.5, color=COLOURS['faint'], linewidth=0.6)
-    axes.set_xticks(begins + 0.5 * (counts - 1), joints)
-    axes.set_yscale('log')
-    legend(axes)
-    return figure
-
-
 def _effect_rows(rows: list[dict[str, Any]], joints: list[str]) -> list[list[str]]:
     table: list[list[str]] = []
     for joint in joints:
@@ -202,33 +175,20 @@ def arm_page(result: ArmResult, names: list[str], folders: dict[str, str]) -> Re
     page = Report('Friction of the joints of an arm', ', '.join(names))
     reports = {name: joint_result.report for name, joint_result in result.results.items()}
     unit = next(iter(reports.values())).unit
-    page.verdict(_joint_verdicts(reports))
-    rows: list[dict[str, Any]] = [
-        {'joint': name, 'before': report.before.held_out_rmse,
-         'after': report.after.held_out_rmse, 'noise_floor': report.noise_floor}
-        for name, report in reports.items()]
+    page.verdict('; '.join(f'{name}: **{report.verdict}**' for name, report in reports.items()))
     page.table(
-        ['joint', 'verdict', f'before ({unit})', f'after ({unit})', 'found'],
-        [[Link(name, f'{folders[name]}/report.html'), report.verdict, row['before'], row['after'],
+        ['joint', 'verdict', 'before', 'after', 'found'],
+        [[Link(name, f'{folders[name]}/report.html'), report.verdict,
+          quantity(report.before.held_out_rmse, unit), quantity(report.after.held_out_rmse, unit),
           effect_names(effect.name for effect in report.effects)]
-         for row, (name, report) in zip(rows, reports.items())],
+         for name, report in reports.items()],
         'RMS of measured minus predicted on parts that were not fitted, by the initial model and '
         'by the refined one; each name links to the page on that joint.')
-    page.figure(_errors_figure(rows, unit), 'The same. What lies between the error and the noise '
-                'is not explained yet.')
     for name, report in reports.items():
         if report.verdict != 'trust':
             page.bullets(report.reasons, f'Limits the verdict on {name}:')
     _add_links(page, result, unit)
     return page
-
-
-def _joint_verdicts(reports: dict[str, RefinementReport]) -> str:
-    kinds: dict[str, list[str]] = {}
-    for name, report in reports.items():
-        kinds.setdefault(report.verdict, []).append(name)
-    return '; '.join(f'**{kind[0].upper()}{kind[1:]}**: {", ".join(kinds[kind])}'
-                     for kind in _VERDICTS if kind in kinds) + '.'
 
 
 def _add_links(page: Report, result: ArmResult, unit: str) -> None:
@@ -240,26 +200,15 @@ def _add_links(page: Report, result: ArmResult, unit: str) -> None:
         'Only sums along the arm are certain: an error of one mass may be compensated by that of '
         'a neighbouring link, or by the current per torque where torque constants were not given.')
     page.table(
-        ['joint', f'{unit} per N·m', 'friction and rotor alone', 'with the links'],
-        [[row['joint'], _scale_text(row['current_per_torque'],
-                                    row['intervals']['current_per_torque']),
-          quantity(row['held_out_rmse_without'], unit), quantity(row['held_out_rmse'], unit)]
-         for row in arm['rigid_bodies']],
-        'Current per torque with its 95 % interval, and errors on data not fitted, before any '
-        'further effect was added.')
-    page.table(
-        ['link after joint', 'mass (kg)', '95 % interval', 'URDF (kg)', 'from the recording'],
-        [[row['joint'], row['mass'], interval_text(row['intervals']['mass']), row['mass_urdf'],
-          f"{100.0 * row['told_by_recording']['mass']:.0f} %"] for row in arm['rigid_bodies']],
-        '"From the recording" is the share by which the recording reduces the uncertainty; below '
-        'one half the value is that of the URDF and has no interval. All ten parameters of each '
-        'link are in report.json.')
+        ['link after joint', 'mass (kg)', 'URDF (kg)', 'from the recording', f'{unit} per N·m'],
+        [[row['joint'], _with_interval(row, 'mass'), row['mass_urdf'],
+          f"{100.0 * row['told_by_recording']['mass']:.0f} %",
+          _with_interval(row, 'current_per_torque')] for row in arm['rigid_bodies']],
+        'With 95 % intervals. "From the recording" is the share by which the recording reduces the '
+        'uncertainty; below one half the value is that of the URDF and has no interval. All ten '
+        'parameters of each link are in report.json.')
     page.bullets(arm['notes'])
 
 
-def _scale_text(found: float, bounds: list[float | None]) -> str:
-    """Return a current per torque as text, or that the recording does not determine it."""
-    low, high = bounds
-    known = low is not None and high is not None and high <= _LARGEST_RATIO * low
-    return (number(found) if known else 'not determined') + (
-        f' ({interval_text(bounds)})' if low is not None else '')
+def _with_interval(row: dict[str, Any], name: str) -> str:
+    return f"{number(row[name])} ({interval_text(row['intervals'][name])})"

@@ -19,12 +19,20 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_numbers import FrictionNumbers, quantity_in
 from friction_comp.number_text import aligned, number, quantity
 from friction_comp.refinement.result import Finding, FoundEffect, RefinementReport, RefineResult
-from friction_comp.reports.figures import curve, legend, panels, scatter, styled, zero
+from friction_comp.reports.figures import (
+    curve,
+    measured_and_predicted,
+    panels,
+    scatter,
+    styled,
+    zero,
+)
 from friction_comp.reports.html import Report, value
 
 # Name and unit of each number, A standing for the unit of current.
 NAMES = {'coulomb': ('Coulomb', 'A'), 'coulomb_with_load': ('… with load', 'A'),
          'viscous': ('viscous', 'A·s/rad'), 'offset': ('offset', 'A'),
+         'breakaway': ('breakaway', 'A'),
          'viscous_asymmetry': ('viscous, half of + minus −', 'A·s/rad'),
          'stribeck': ('Stribeck, at standstill', 'A'),
          'stribeck_speed': ('Stribeck speed', 'rad/s'), 'transition': ('transition', 'rad/s'),
@@ -44,8 +52,8 @@ _SIGNALS = {'position': 'position (rad)', 'velocity': 'velocity (rad/s)',
             'temperature': 'motor temperature (°C)'}
 # Shortest and longest excerpt over time, s, and the number of reversals that it should contain.
 _SHORTEST, _LONGEST, _REVERSALS = 4.0, 60.0, 8
-# Number of ranges of a variable in which errors are averaged.
-_RANGES = 40
+# Number of ranges of a variable in which errors are averaged, and the fewest rows of one.
+_RANGES, _FEWEST = 40, 5
 
 
 class Row(NamedTuple):
@@ -75,9 +83,9 @@ def friction_rows(friction: FrictionNumbers) -> list[Row]:
         sides = known['positive'], known['negative']
         spread = math.hypot(*(side['std'] for side in sides))
         low, high = (number(side['mean']) for side in sides)
-        rows.append(_with_torque(friction, 'breakaway', 'breakaway', known['friction'], [
-            known['friction'] - spread, known['friction'] + spread] if spread else None,
-            friction.unit, f'half of what lies between {low} and {high}'))
+        middle = known['friction']
+        rows.append(_row(friction, 'breakaway', f'half of what lies between {low} and {high}',
+                         middle, [middle - spread, middle + spread] if spread else None))
     if friction.presliding is not None:
         middle, spread = (1e3 * friction.presliding.get(name, 0.0) for name in ('distance', 'std'))
         rows.append(Row('presliding', 'presliding', *number_texts(middle, [
@@ -125,24 +133,24 @@ def amplitude_interval(effect: FoundEffect) -> list[float] | None:
     return [math.hypot(*least), math.hypot(*(max(abs(low), abs(high)) for low, high in bounds))]
 
 
-def _row(friction: FrictionNumbers, key: str, remark: str) -> Row:
-    """Return the row of a number; its unit is that of `NAMES`, with `friction.unit` for A."""
-    (name, unit), found = NAMES[key], getattr(friction, key)
+def _row(friction: FrictionNumbers, key: str, remark: str, found: float | None = None,
+         ends: list[float] | None = None) -> Row:
+    """Return the row of a number; its unit is that of `NAMES`, with `friction.unit` for A.
+
+    Its remark begins with what a current gives at the joint, where that is known.
+    """
+    (name, unit), own, gain = NAMES[key], friction.unit, friction.torque_per_current
+    if found is None:
+        found, ends = getattr(friction, key), friction.intervals.get(key)
     if found is None:
         return Row(key, name, '–', '', remark)
-    return _with_torque(friction, key, name, found, friction.intervals.get(key), unit, remark)
-
-
-def _with_torque(friction: FrictionNumbers, key: str, name: str, found: float,
-                 ends: list[float] | None, unit: str, remark: str) -> Row:
-    """Return a row whose remark begins with what a current gives at the joint, where known."""
-    own, gain = friction.unit, friction.torque_per_current
     torque = 'kg·m²' if key == 'inertia' else unit.replace('A', 'N·m', 1)
-    shown = torque if own in ('N·m', 'N') else unit.replace('A', own, 1)
     # A force in N is that of a linear axis, whose N·m are N.
-    if gain and own not in ('N·m', 'N') and 'A' in unit:
+    is_torque = own in ('N·m', 'N')
+    if gain and not is_torque and 'A' in unit:
         remark = ', '.join(filter(None, (f'{number(gain * found)} {torque}', remark)))
-    return Row(key, name, *number_texts(found, ends, shown), remark)
+    return Row(key, name, *number_texts(
+        found, ends, torque if is_torque else unit.replace('A', own, 1)), remark)
 
 
 def number_texts(found: float, ends: Sequence[float] | None, unit: str) -> tuple[str, str]:
@@ -362,16 +370,10 @@ def _error_rows(report: RefinementReport) -> list[list[str]]:
 @styled
 def _time_figure(result: RefineResult, quantity_: str) -> Figure:
     samples, unit, part = result.samples, result.report.unit, _excerpt(result)
-    time, measured = samples.time[part], samples.current[part]
-    error = result.after[part]
-    figure, (above, below) = panels(
-        [f'{quantity_} ({unit})', f'error ({unit})'], 'time (s)', (2.3, 0.8))
-    curve(above, time, measured - error, 'predicted', 'predicted', linewidth=1.2)
-    scatter(above, time, measured, label='measured')
-    scatter(below, time, np.where(result.usable[part], error, np.nan))
-    zero(below)
-    legend(above)
-    return figure
+    time, measured, error = samples.time[part], samples.current[part], result.after[part]
+    return measured_and_predicted(
+        (f'{quantity_} ({unit})', f'error ({unit})'), 'time (s)', (time, measured - error),
+        'predicted', (time, measured), np.where(result.usable[part], error, np.nan))[0]
 
 
 def _excerpt(result: RefineResult) -> slice:
@@ -396,16 +398,13 @@ def _friction_figure(result: RefineResult) -> Figure:
     for effect in result.model.effects:
         friction -= effect.current(with_arm)
     velocity, friction = np.asarray(samples.velocity)[usable], friction[usable]
-    speeds = np.linspace(velocity.min(), velocity.max(), 801)
-    figure, (above, below) = panels(
-        [f'friction ({unit})', f'error ({unit})'], 'velocity (rad/s)', (2.3, 0.8))
-    curve(above, speeds, result.model.sigmoid(speeds), 'predicted', 'friction curve', linewidth=1.2)
-    scatter(above, velocity, friction, label='measured')
-    scatter(below, velocity, friction - result.model.sigmoid(velocity))
-    zero(below)
-    for axes, values in ((above, friction), (below, friction - result.model.sigmoid(velocity))):
-        axes.set_ylim(*_without_outliers(values))
-    legend(above)
+    speeds, sigmoid = np.linspace(velocity.min(), velocity.max(), 801), result.model.sigmoid
+    error = friction - sigmoid(velocity)
+    figure, axes = measured_and_predicted(
+        (f'friction ({unit})', f'error ({unit})'), 'velocity (rad/s)', (speeds, sigmoid(speeds)),
+        'friction curve', (velocity, friction), error)
+    for panel, values in zip(axes, (friction, error)):
+        panel.set_ylim(*_without_outliers(values))
     return figure
 
 
@@ -442,12 +441,8 @@ def _without_outliers(values: np.ndarray, margin: float = 0.2) -> tuple[float, f
 
 
 def averages(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return means of x and y in about `_RANGES` ranges of equal counts, NaN where x has a gap."""
-    order = np.argsort(x, kind='stable')
-    x, y = x[order], y[order]
-    apart = np.diff(x) > max(0.1 * float(np.ptp(x)), 1e-300)
-    ends = np.linspace(0, len(x), _RANGES + 1).astype(int)
-    edges = np.union1d(ends, np.nonzero(apart)[0] + 1)
-    middles, means = (np.add.reduceat(values, edges[:-1]) / np.diff(edges) for values in (x, y))
-    gaps = np.nonzero(apart[edges[1:-1] - 1])[0] + 1
-    return np.insert(middles, gaps, np.nan), np.insert(means, gaps, np.nan)
+    """Return the middle of ranges of x, and the mean of y in each, NaN where it has too few."""
+    count, edges = np.histogram(x, _RANGES)
+    total, _ = np.histogram(x, _RANGES, weights=y)
+    means = np.divide(total, count, out=np.full(_RANGES, np.nan), where=count >= _FEWEST)
+    return 0.5 * (edges[1:] + edges[:-1]), means

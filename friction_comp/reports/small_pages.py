@@ -21,11 +21,11 @@ from friction_comp.reports.figures import (
     curve,
     INK,
     legend,
+    measured_and_predicted,
     panels,
     shade_directions,
     styled,
     thin,
-    zero,
 )
 from friction_comp.reports.html import Report, value
 from friction_comp.reports.refinement_page import add_steps, NAMES, number_rows, number_texts, Row
@@ -34,9 +34,9 @@ from friction_comp.samples import Samples
 _RATE = 50.0  # of the drawn curves, Hz
 
 
-def excitation_page(plans: Sequence[JointPlan],
-                    others: Sequence[Mapping[str, Mapping[Pair, float]]]) -> Report:
-    """Return the page; `others` has for each plan the separation by other motions, by name."""
+def excitation_page(plans: Sequence[JointPlan], staircases: Sequence[Mapping[Pair, float]]
+                    ) -> Report:
+    """Return the page; `staircases` has for each plan the separation by a staircase of speeds."""
     seconds = plans[0].seconds
     page = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')
     worst = min((share, pair, plan.limits.joint) for plan in plans
@@ -44,14 +44,13 @@ def excitation_page(plans: Sequence[JointPlan],
     page.verdict(f'**Hardest to distinguish: {_pair_text(worst[1])}** of joint {worst[2]}: '
                  f'{100 * worst[0]:.2g} % of one is independent of the other and of the friction '
                  'curve.')
-    for plan, other in zip(plans, others):
+    for plan, plain in zip(plans, staircases):
         page.heading(f'Joint {plan.limits.joint}')
         page.figure(_plan_figure(plan), 'Position and velocity over time, and velocity over '
                     'position; broken: the limits.')
         page.table(
-            ['effects', 'this plan (%)', *(f'{name} (%)' for name in other)],
-            [[_pair_text(pair), 100 * share,
-              *(100 * separation[pair] for separation in other.values())]
+            ['effects', 'this plan', 'a staircase of speeds'],
+            [[_pair_text(pair), f'{100 * share:.2g} %', f'{100 * plain[pair]:.2g} %']
              for pair, share in plan.separation.items()])
     page.text('The percentage is the part of one effect that is independent of the other: the '
               "smallest for several values of the effects' constants. It depends on the motion "
@@ -118,16 +117,11 @@ def _steady_figure(model: FrictionModel, speeds: np.ndarray, currents: np.ndarra
     def fitted(velocity: np.ndarray) -> np.ndarray:
         return model.current(Samples(np.arange(float(len(velocity))), velocity, velocity,
                                      velocity=velocity))
-    figure, (above, below) = panels(
-        [f'friction ({unit})', f'error ({unit})'], 'velocity (rad/s)', (2.3, 0.9))
     top = float(np.max(np.abs(speeds)))
     grid = np.linspace(-top if speeds.min() < 0 else 0.0, top if speeds.max() > 0 else 0.0, 1001)
-    curve(above, grid, fitted(grid), 'predicted', 'fit')
-    curve(above, speeds, currents, 'measured', 'table', 'o', markersize=5)
-    curve(below, speeds, currents - fitted(speeds), 'measured', style='o', markersize=4)
-    zero(below)
-    legend(above)
-    return figure
+    return measured_and_predicted(
+        (f'friction ({unit})', f'error ({unit})'), 'velocity (rad/s)', (grid, fitted(grid)), 'fit',
+        (speeds, currents), currents - fitted(speeds))[0]
 
 
 @styled

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from friction_comp.excitation.separation import Pair
     from friction_comp.model.friction_model import FrictionModel
 
-# Hz. With fewer points, splines between them overshoot short moves, and leave the limits.
-_LOWEST_RATE, _HIGHEST_RATE = 20.0, 1000.0
+# Points of a trajectory per second: with a few, splines between them overshoot short moves.
+_RATE = 50.0
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -52,8 +52,6 @@ def main(argv: list[str] | None = None) -> int:
     asked.add_argument('--ambiguous', metavar='FILE', type=Path,
                        help='report.json of refine: distinguish the effects that it could not')
     parser.add_argument('--seconds', metavar='S', type=positive, default=60.0, help='duration (60)')
-    parser.add_argument('--rate', metavar='HZ', type=positive, default=50.0,
-                        help='points of the trajectory per second (50), from 20 to 1000')
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=0,
                         help='the same seed gives the same plan (0)')
     arguments = parser.parse(argv)
@@ -63,38 +61,34 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.excitation.separation import coverage_within, separations
     from friction_comp.reports.small_pages import excitation_page
 
-    if not _LOWEST_RATE <= arguments.rate <= _HIGHEST_RATE:
-        raise InputError(f'--rate must be from {_LOWEST_RATE:g} to {_HIGHEST_RATE:g} Hz')
     pairs, limits = _pairs(arguments), limits_of(arguments)
     model = _model(arguments, limits)
-    seconds, rate = arguments.seconds, 50.0
+    seconds = arguments.seconds
     seeds = np.random.SeedSequence(arguments.seed).generate_state(len(limits)).tolist()
-    plans, others = [], []
+    plans, staircases = [], []
     with progress('planning') as show:
         for index, (own, seed) in enumerate(zip(limits, seeds)):
             plans.append(plan_joint(
                 own, pairs, seconds, seed, model,
                 lambda share, index=index: show(  # type: ignore[misc]
                     (index + share) / len(limits), f'planning {limits[index].joint}')))
-            coverage = coverage_within(own, seconds)
-            others.append({
-                'staircase of speeds': separations(staircase(own, seconds, rate), pairs, coverage)})
+            staircases.append(separations(
+                staircase(own, seconds, _RATE), pairs, coverage_within(own, seconds)))
     checked = 'effort limits are kept by the model' if model else 'effort is not checked'
     content = {'seconds': seconds, 'seed': arguments.seed,
                'effort_checked': model is not None, 'joints': [{
                    'joint': plan.limits.joint, 'start': plan.limits.centre,
                    'moves': len(plan.moves), 'pairs': [{
                        'between': list(pair), 'plan': share,
-                       'staircase': other['staircase of speeds'][pair]}
-                       for pair, share in plan.separation.items()]}
-                   for plan, other in zip(plans, others)]}
-    write_results(arguments, content, excitation_page(plans, others), files={
-        'trajectory.yaml': trajectory_of(plans, arguments.rate).to_yaml(
+                       'staircase': plain[pair]} for pair, share in plan.separation.items()]}
+                   for plan, plain in zip(plans, staircases)]}
+    write_results(arguments, content, excitation_page(plans, staircases), files={
+        'trajectory.yaml': trajectory_of(plans, _RATE).to_yaml(
             f'Planned by friction_comp {__version__}; {checked}')})
     lines = []
     for plan in plans:
         pair, share = min(plan.separation.items(), key=lambda entry: entry[1])
-        lines.append(f'{plan.limits.joint}: {len(plan.moves)} moves; hardest to tell apart: '
+        lines.append(f'{plan.limits.joint}: {len(plan.moves)} moves; hardest to distinguish: '
                      f'{" and ".join(pair)}, {100 * share:.2g} % of the one is its own')
     return print_results(arguments, content, [
         *lines, f'{checked}; begins and ends at rest in the middle of each range'],
