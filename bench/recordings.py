@@ -78,7 +78,7 @@ def record(folder, seconds, joints, domain):
                         ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
     recorder = subprocess.Popen(
         [sys.executable, '-m', 'friction_comp', 'recorder', '--ros-args', '-p',
-         f'output:={folder / "load"}', '-p', f'max_file_duration:={seconds / 4}'],
+         f'output:={folder / "load"}'],
         env=alone, stderr=subprocess.DEVNULL)
     before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     try:

@@ -127,6 +127,23 @@ class Unpacked(io.RawIOBase):
         return len(data)
 
 
+@contextmanager
+def unpacked_file(path: Path) -> Iterator[Path]:
+    """Yield a file, or what a .zstd file holds as a temporary one; errors as of `open_input`."""
+    with open_input(path) as packed:
+        if path.suffix != '.zstd':
+            yield path
+            return
+        import shutil
+        from tempfile import TemporaryDirectory
+
+        with TemporaryDirectory() as folder:
+            plain = Path(folder, path.stem)
+            with plain.open('wb') as stream:
+                shutil.copyfileobj(Unpacked(path, packed), stream, 1 << 20)
+            yield plain
+
+
 def library_for(path: Path, name: str, extra: str, files: str) -> Any:
     """Return the package of an optional module; raises InputError if it is not installed."""
     try:
@@ -337,18 +354,25 @@ def _keep_input(path: Path, is_model: bool) -> None:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """Yield a hidden folder that becomes `path`, which must not exist, when the block succeeds.
+    """Yield where to make a folder that becomes `path`, which must not exist, if all succeeds.
 
-    It bears the same name, below a folder beside `path`. Nothing is left otherwise.
+    It bears the same name, in a hidden folder beside `path`. Nothing is left otherwise.
     """
     if os.path.lexists(path):
         raise InputError(f'{path}: already exists, a recording needs a new folder')
     with _beside(path) as (unfinished, made):
         draft = unfinished / path.name
-        draft.mkdir()
-        yield draft
+        try:
+            yield draft
+        except InputError as error:
+            raise InputError(str(error).replace(str(draft), str(path))) from None
         os.rename(draft, path)
         made.clear()
+
+
+def create(path: Path) -> io.FileIO:
+    """Return a new file, unbuffered, that a recorder writes chunk by chunk in its own place."""
+    return path.open('xb', buffering=0)
 
 
 @contextmanager

@@ -10,13 +10,15 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
-from friction_comp.recordings import cdr, RecordingWriter, write_samples
+from friction_comp.recordings import RecordingWriter, write_samples
 from friction_comp.recordings.storage import Storage
 from friction_comp.samples import Samples
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 T = STORE.types
-KIND, BATCH = 'sensor_msgs/msg/JointState', 20
+KIND, WRENCH = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStamped'
+FLOAT_ARRAY, INT8_ARRAY = 'std_msgs/msg/Float64MultiArray', 'std_msgs/msg/Int8MultiArray'
+BATCH = 20
 DATA = Path(os.environ.get(
     'FRICTION_COMP_DATA', Path(__file__).resolve().parents[2] / 'shared' / 'data'))
 needs_data = pytest.mark.skipif(
@@ -42,21 +44,21 @@ def header(stamp_ns, frame=''):
 
 
 def joint_state(stamp_ns, names, position, velocity, effort):
-    return cdr.JOINT_STATE, T[cdr.JOINT_STATE](
+    return KIND, T[KIND](
         header(stamp_ns), list(names), *(np.array(v, dtype=float) for v in (
             position, velocity, effort)))
 
 
 def wrench(stamp_ns, frame, torque):
     vector = T['geometry_msgs/msg/Vector3']
-    return cdr.WRENCH, T[cdr.WRENCH](header(stamp_ns, frame), T['geometry_msgs/msg/Wrench'](
+    return WRENCH, T[WRENCH](header(stamp_ns, frame), T['geometry_msgs/msg/Wrench'](
         vector(0.0, 0.0, 0.0), vector(0.0, 0.0, torque)))
 
 
 def array(kind, values, labels=()):
     layout = T['std_msgs/msg/MultiArrayLayout'](
         [T['std_msgs/msg/MultiArrayDimension'](label, 1, 1) for label in labels], 0)
-    dtype = np.int8 if kind == cdr.INT8_ARRAY else float
+    dtype = np.int8 if kind == INT8_ARRAY else float
     return kind, T[kind](layout, np.array(values, dtype=dtype))
 
 

@@ -94,8 +94,7 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
         loose = probe.talk(Float64MultiArray, 'current_command', QoSProfile(
             depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
         states = probe.talk(JointState, 'joint_states')
-        with Process(tmp_path / 'log', 'recorder', {
-                'output': str(folder), 'max_file_duration': 0.1}) as recorder:
+        with Process(tmp_path / 'log', 'recorder', {'output': str(folder)}) as recorder:
             probe.until(lambda: states.get_subscription_count() >= 1
                         and loose.get_subscription_count() >= 1, 'the recorder')
             commands = 0
@@ -120,7 +119,6 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
     if info.topics['/current_command'][1] != commands:
         assert any('lost' in note and 'current_command' in note for note in info.notes)
     assert not any('lost' in note and 'joint_states' in note for note in info.notes)
-    assert len(list(folder.glob('*.mcap'))) >= 3
     about = yaml.safe_load((folder / 'metadata.yaml').read_text())[
         'rosbag2_bagfile_information']
     offered = {topic['topic_metadata']['name']: topic['topic_metadata']['offered_qos_profiles'][0]

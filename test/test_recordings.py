@@ -6,14 +6,25 @@ import shutil
 
 import numpy as np
 import pytest
-from recording_maker import array, header, joint_state, make_samples, record, states, T, wrench
+from recording_maker import (
+    array,
+    FLOAT_ARRAY,
+    header,
+    INT8_ARRAY,
+    joint_state,
+    KIND,
+    make_samples,
+    record,
+    states,
+    T,
+    wrench,
+)
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.files import file_names
 from friction_comp.recordings import (
-    cdr,
     find_recordings,
     read_recording,
     read_recording_with_info,
@@ -44,7 +55,7 @@ def test_reading_says_what_the_recording_holds(tmp_path):
     (samples, info), = read_recording_with_info(tmp_path / 'trial')
     assert info.model == 'elbow.yaml'
     assert info.start == pytest.approx(1.0)
-    assert info.topics['/joint_states'] == (cdr.JOINT_STATE, 200)
+    assert info.topics['/joint_states'] == (KIND, 200)
     np.testing.assert_array_equal(info.rows, np.arange(200))
     np.testing.assert_array_equal(info.stamps, samples.time)
     assert info.notes == []
@@ -95,8 +106,8 @@ def test_one_joint_of_several(tmp_path):
     messages = list(states(names=names))
     for k in range(50):
         receive = 5_000_000_000 + k * 1_000_000
-        messages.append(('/current_command', receive, array(cdr.FLOAT_ARRAY, [1.0, 2.0 + k, 3.0])))
-        messages.append(('/direction', receive, array(cdr.INT8_ARRAY, [0, -1, 7])))
+        messages.append(('/current_command', receive, array(FLOAT_ARRAY, [1.0, 2.0 + k, 3.0])))
+        messages.append(('/direction', receive, array(INT8_ARRAY, [0, -1, 7])))
         for j, name in enumerate(names):
             messages.append(('/interaction_wrench', receive,
                              wrench(1_000_000_000 + k * 1_000_000, name, 10.0 * j + k)))
@@ -139,7 +150,7 @@ def test_arrays_follow_the_joints_of_the_reference_where_they_are_fewer(tmp_path
         receive = 5_000_000_000 + k * 1_000_000
         messages.append(('/reference', receive, joint_state(
             1_000_000_000 + k * 1_000_000, ['elbow'], [0.5 * k], [1.0], [])))
-        messages.append(('/direction', receive, array(cdr.INT8_ARRAY, [1])))
+        messages.append(('/direction', receive, array(INT8_ARRAY, [1])))
     samples, = read_recording(record(tmp_path / 'r', messages), 'elbow')
     np.testing.assert_array_equal(samples.direction, np.ones(50))
     np.testing.assert_array_equal(samples.reference_position, 0.5 * np.arange(50.0))
@@ -245,8 +256,8 @@ def test_the_later_of_two_directions_counts(tmp_path):
     for k, values in ((5, [1.0]), (40, [3.0]), (50, [0.0])):
         messages.append(('/direction_stamped', messages[k][1], joint_state(
             times[k], ['elbow'], [], values, [])))
-    messages.append(('/direction', messages[20][1], array(cdr.INT8_ARRAY, [-1])))
-    messages.append(('/direction', messages[45][1], array(cdr.INT8_ARRAY, [7])))
+    messages.append(('/direction', messages[20][1], array(INT8_ARRAY, [-1])))
+    messages.append(('/direction', messages[45][1], array(INT8_ARRAY, [7])))
     messages.sort(key=lambda message: message[1])
     samples, = read_recording(record(tmp_path / 'r', messages))
     # The topic without stamps is dated by its receive times.
@@ -255,16 +266,14 @@ def test_the_later_of_two_directions_counts(tmp_path):
     np.testing.assert_array_equal(samples.direction, expected)
 
 
-def test_joint_states_of_another_name_are_read_if_there_are_no_others(tmp_path):
-    def messages(*topics):
-        return [(topic, k + 1, joint_state(10 ** 7 * (k + 1), ['elbow'], [0.001 * k], [], [1.0]))
-                for k in range(100) for topic in topics]
-    (samples, info), = read_recording_with_info(record(
-        tmp_path / 'one', messages('/leader/state', '/leader/joint_commands')))
+def test_joint_states_of_another_name_are_named_with_their_joint(tmp_path):
+    path = record(tmp_path / 'r', [
+        ('/leader/state', k + 1, joint_state(10 ** 7 * (k + 1), ['elbow'], [0.001 * k], [], [1.0]))
+        for k in range(100)])
+    samples, = read_recording(path, '/leader/state/elbow')
     np.testing.assert_allclose(samples.position, 0.001 * np.arange(100))
-    assert any(note.startswith('/leader/state is read as joint_states') for note in info.notes)
-    with pytest.raises(InputError, match=r'of that type are /a/state, /b/state'):
-        read_recording(record(tmp_path / 'two', messages('/a/state', '/b/state')))
+    with pytest.raises(InputError, match=r'of that type are /leader/state: name one, with its joi'):
+        read_recording(path)
 
 
 def test_a_joint_without_a_motor_that_moved_is_noted(tmp_path):
@@ -303,7 +312,7 @@ def test_one_joint_in_two_topics_is_named_with_its_topic(tmp_path):
         np.testing.assert_allclose(samples.position, np.sin(0.04 * np.arange(300)) + place)
         assert samples.joint == 'elbow'
         assert samples.arm.joints == ('elbow', 'wrist')
-    with pytest.raises(InputError, match='no topic /other/joint_states in it, but /follower/joint'):
+    with pytest.raises(InputError, match="no joint '/other/joint_states/elbow' in it"):
         read_recording(path, '/other/joint_states/elbow')
 
 

@@ -40,8 +40,7 @@ class RecorderNode(Node):
         self._writer = RecordingWriter(
             output, {'recorded_by': 'friction_comp recorder',
                      **({'model_file': model} if model else {})},
-            settings['compression'], split_size=1e6 * settings['max_file_size'],
-            split_duration=settings['max_file_duration'])
+            settings['compression'])
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
         steady_timer(self, _FLUSH, self._flush)

@@ -20,9 +20,8 @@ if TYPE_CHECKING:
         read_recording_with_info,
         stream_recording_with_info,
     )
-    from friction_comp.recordings.samples_writer import write_samples
     from friction_comp.recordings.sources import find_recording, find_recordings, recorded_joints
-    from friction_comp.recordings.writer import RecordingWriter
+    from friction_comp.recordings.writer import RecordingWriter, write_samples
 
 __all__ = [
     'Activity', 'RecordingInfo', 'RecordingWriter', 'find_recording', 'find_recordings',
@@ -34,9 +33,8 @@ _HOMES = {
     'activity': ['Activity'], 'joint_samples': ['RecordingInfo'],
     'reader': ['read_arm', 'read_joints', 'read_recording', 'read_recording_with_info',
                'stream_recording_with_info'],
-    'samples_writer': ['write_samples'],
     'sources': ['find_recording', 'find_recordings', 'recorded_joints'],
-    'writer': ['RecordingWriter']}
+    'writer': ['RecordingWriter', 'write_samples']}
 
 
 def __getattr__(name: str) -> object:

@@ -8,11 +8,7 @@ from dataclasses import dataclass, replace
 import re
 from typing import Any
 
-from rosbags.typesys import get_typestore, Stores
-
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
-# Names of the nodes that command the motor, as in their diagnostics.
-_SOURCES = (b'compensator', b'identification')
 # A compensator that runs from the beginning of a recording reports within this time, ns. It reports
 # every second of real time, in which a simulation may advance by several.
 _FIRST_REPORT = 10_000_000_000
@@ -44,20 +40,13 @@ class ActivityLog:
     """Collects the changes of activity from diagnostics, in the order they were received."""
 
     def __init__(self) -> None:
-        self._store = get_typestore(Stores.ROS2_JAZZY)
         self.changes: list[Activity] = []
 
-    def add(self, time: int, raw: bytes, begin: int) -> None:
-        """Add a serialised DiagnosticArray received at `time`, ns; skip it if it is truncated.
+    def add(self, time: int, message: Any, begin: int) -> None:
+        """Add a DiagnosticArray received at `time`, ns.
 
         A compensator's first report also applies to the time before it, back to `begin`, ns.
         """
-        if not any(node in raw for node in _SOURCES):
-            return
-        try:
-            message: Any = self._store.deserialize_cdr(raw, DIAGNOSTICS)
-        except Exception:
-            return
         before = len(self.changes)
         for status in message.status:
             if 'identification' in status.name:

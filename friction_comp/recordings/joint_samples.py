@@ -286,9 +286,6 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
     """
     tracks = scan.of('joint_states')
     if not tracks:
-        if scan.states and scan.states not in scan.topics:
-            raise InputError(f'{scan.path}: no topic {scan.states} in it, but '
-                             f'{", ".join(sorted(scan.topics)) or "none"}')
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
                scan.topics.items()):
             raise InputError(f'{scan.path}: its joint_states contain no message')
@@ -302,7 +299,7 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
     joints = scan.joints
     if not joints:
         raise InputError(f'{scan.path}: joint_states names no joint')
-    joint = scan.selected if joint is None else joint.removeprefix(f'{scan.states}/')
+    joint = scan.selected if joint is None else joint
     # A single joint may have no name in the recording.
     key = '' if joints == [''] else one_of(joints if joint else scan.choices, joint, scan.path)
     joint = joint or key

@@ -79,6 +79,7 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
 
 def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others: bool
                 ) -> tuple[Samples, RecordingInfo]:
+    scan, joint = scan.chosen(joint)
     samples, info = joint_samples.to_samples(scan, joint, torque_per_current)
     if others and len(scan.joints) > 1:
         joints = joint_samples.usable_joints(scan, lambda joint: 1.0)
@@ -120,6 +121,7 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
     with the notes on all. Raises InputError if the recording or a joint cannot be used.
     """
     scan, = _scan_all(sources.find_recording(path), progress, joint, layout)
+    scan, joint = scan.chosen(joint)
     notes: list[str] = []
     read = ([joint_samples.to_samples(scan, joint, 1.0)] if joint is not None else
             [*joint_samples.usable_joints(scan, lambda joint: 1.0, notes).values()])

@@ -7,30 +7,43 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+from rosbags.typesys.store import Typestore
 
-from friction_comp.column_names import is_target
 from friction_comp.layout import STATES
-from friction_comp.recordings import cdr
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
 from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
+from friction_comp.stamps import NANO
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 from friction_comp.units import Unit
 
 # Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them: used
 # where the usual ones have no effort.
 _DYNAMIC = 'dynamic_joint_states'
-# Column of a track to the names of an interface, the first that is there.
-_INTERFACES = (('position',), ('velocity',), ('effort', 'torque'), ('current',),
-               ('temperature', 'motor_temperature'))
+# Column of a track by the name of an interface.
+_INTERFACES = {'position': 0, 'velocity': 1, 'effort': 2, 'torque': 2, 'current': 3,
+               'temperature': 4, 'motor_temperature': 4}
 _EFFORT, _CURRENT, _TEMPERATURE = 2, 3, 4
-# Messages in which every topic and joint occurs at least once, even with several publishers.
-_FIRST_MESSAGES = 1000
-# Message type of each signal that is read.
-_TYPES = {**TOPICS, _DYNAMIC: cdr.DYNAMIC_STATE}
+# Message type of each signal that is read, and those without joint names.
+_TYPES = {**TOPICS, _DYNAMIC: 'control_msgs/msg/DynamicJointState'}
+_ARRAYS = ('current_command', 'direction')
+MOST_NAMES = 200
+"""Most joints, or values of a joint, in one message: a corrupt one could fill the memory."""
+
+
+def message_types() -> Typestore:
+    """Return the message types of ROS 2 Jazzy, and that of dynamic joint states."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    types.register({
+        **get_types_from_msg('string[] interface_names\nfloat64[] values\n',
+                             'control_msgs/msg/InterfaceValue'),
+        **get_types_from_msg('std_msgs/Header header\nstring[] joint_names\n'
+                             'InterfaceValue[] interface_values\n', _TYPES[_DYNAMIC])})
+    return types
 
 
 @dataclass
@@ -96,7 +109,6 @@ class Scan:
     effort_unit: str = ''                  # of efforts that are neither torques nor currents
     assumed: tuple[str, ...] = ()          # columns without a unit, with the one taken for it
     selected: str | None = None            # the joint to read if none is named
-    states: str | None = None              # the topic of joint states, where the user names it
     linear: bool = False                   # whether positions are in m and efforts in N
 
     def of(self, signal: str) -> list[Track]:
@@ -110,6 +122,19 @@ class Scan:
         namespace = topic.rpartition('/')[0] + '/'
         return replace(self, tracks=sorted(
             self.tracks, key=lambda track: not track.topic.startswith(namespace)))
+
+    def chosen(self, joint: str | None) -> tuple[Scan, str | None]:
+        """Return the scan of the topic of a joint given as /TOPIC/NAME, and the joint's name.
+
+        Both may contain slashes: a joint of that very name goes first, then the longest topic.
+        """
+        fit = [track.topic for track in self.tracks if track.signal == 'joint_states'
+               and joint is not None and joint.startswith(f'{track.topic}/')]
+        if joint is None or joint in self.joints or not fit:
+            return self, joint
+        topic = max(fit, key=len)
+        return replace(self, tracks=[track for track in self.tracks if track.topic == topic
+                                     or track.signal != 'joint_states']), joint[len(topic) + 1:]
 
     @property
     def joints(self) -> list[str]:
@@ -140,73 +165,28 @@ def signal_of(topic: str, type_name: str) -> str | None:
     return None
 
 
-def in_topic(path: Path, joint: str | None) -> tuple[str | None, str | None]:
-    """Return topic and name of a joint given as /TOPIC/NAME; else it has no topic.
-
-    Both may contain slashes, so the recording decides: a joint of that very name goes first, then
-    the longest topic that fits.
-    """
-    if not joint or not joint.startswith('/'):
-        return None, joint
-    payloads: dict[tuple[str, str], list[bytes]] = {}
-    with unreadable_on_error(path):
-        for topic, kind, _, raw in islice(Storage(path).messages(
-                lambda _, kind: kind in (cdr.JOINT_STATE, cdr.DYNAMIC_STATE)), _FIRST_MESSAGES):
-            payloads.setdefault((topic, kind), []).append(unpack(raw))
-    names = {name for (topic, kind), own in payloads.items()
-             for _, listed, fields in cdr.decode(kind, own)
-             for name in values_of(signal_of(topic, kind) or 'joint_states', listed, fields)[0]}
-    if joint in names:
-        return None, joint
-    fit = [topic for topic, _ in payloads if joint.startswith(f'{topic}/')]
-    topic = max(fit, key=len) if fit else joint.rpartition('/')[0]
-    # A name is more likely to be wrong than a topic where all names begin with a slash.
-    return (None, joint) if not topic or (not fit and names and all(
-        name.startswith('/') for name in names)) else (topic, joint[len(topic) + 1:])
-
-
-def values_of(signal: str, names: tuple[str, ...], fields: dict[str, np.ndarray],
-              joint: str | None = None) -> tuple[tuple[str, ...], dict[str, np.ndarray]]:
-    """Return names and values, as in a `Track`, of decoded messages of one layout.
-
-    `joint` selects the values that may belong to it.
-    """
-    if 'data' in fields:
-        unit = TORQUE_UNIT if names == (TORQUE_UNIT,) else ''
-        return (), {unit: fields['data'].astype(float)}
-    if signal == _DYNAMIC:
-        values = _interface_values(names, fields)
-        if joint in values:
-            values = {joint: values[joint]}
-        return tuple(values), values
-    if 'wrench' in fields:
-        return names, {names[0]: fields['wrench'][:, 5:6].copy()}
-    if 'temperature' in fields:
-        return names, {names[0]: fields['temperature'][:, :1].copy()}
+def _content(message: Any) -> tuple[tuple[str, ...], np.ndarray]:
+    """Return the joints or frames of a message, and a row of values for each, as in a `Track`."""
+    if hasattr(message, 'data'):
+        labels = [dimension.label for dimension in message.layout.dim[1:2]]
+        return (TORQUE_UNIT if labels == [TORQUE_UNIT] else '',), message.data[None].astype(float)
+    if hasattr(message, 'wrench'):
+        return (message.header.frame_id,), np.array([[message.wrench.torque.z]])
+    if hasattr(message, 'temperature'):
+        return (message.header.frame_id,), np.array([[message.temperature]])
+    if hasattr(message, 'interface_values'):
+        rows = np.full((len(message.joint_names), len(set(_INTERFACES.values()))), np.nan)
+        for row, own in zip(rows, message.interface_values):
+            for name, value in zip(own.interface_names, own.values):
+                if name in _INTERFACES:
+                    row[_INTERFACES[name]] = value
+        return tuple(message.joint_names), rows
     # A single joint may have no name.
-    names = names or ('',) * min(fields['position'].shape[1], 1)
-    values = {}
-    for k, name in enumerate(names):
-        if joint in (None, name) or not name:
-            values[name] = np.full((len(fields['position']), 3), np.nan)
-            for column, part in enumerate(('position', 'velocity', 'effort')):
-                if k < fields[part].shape[1]:
-                    values[name][:, column] = fields[part][:, k]
-    return names, values
-
-
-def _interface_values(names: Sequence[str], fields: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the values of each joint, shape (N, 5), in the order of `_INTERFACES`; NaN if none."""
-    values: dict[str, np.ndarray] = {}
-    column: dict[str, int] = {}
-    for name in names:
-        joint, _, interface = name.rpartition('/')
-        k = column[joint] = column.get(joint, -1) + 1
-        own = values.setdefault(joint, np.full((len(fields[joint]), len(_INTERFACES)), np.nan))
-        for place, known in enumerate(_INTERFACES):
-            if interface in known and k < fields[joint].shape[1]:
-                own[:, place] = fields[joint][:, k]
-    return {joint: own for joint, own in values.items() if np.isfinite(own[:, 0]).any()}
+    names = tuple(message.name) or ('',) * min(len(message.position), 1)
+    rows = np.full((len(names), 3), np.nan)
+    for column, values in enumerate((message.position, message.velocity, message.effort)):
+        rows[:len(values), column] = values[:len(names)]
+    return names, rows
 
 
 def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]:
@@ -225,8 +205,10 @@ def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]
     effort = _CURRENT if in_ampere else _EFFORT
     kept = [track for track in usual if track.signal != 'joint_states']
     for track in dynamic:
-        kept.append(replace(track, signal='joint_states', values={
-            joint: values[:, [0, 1, effort]] for joint, values in track.values.items()}))
+        # Sensors, too, have interfaces.
+        moving = {joint: values[:, [0, 1, effort]] for joint, values in track.values.items()
+                  if np.isfinite(values[:, 0]).any()}
+        kept.append(replace(track, signal='joint_states', names=[*moving], values=moving))
         warm = {joint: values[:, [_TEMPERATURE]] for joint, values in track.values.items()
                 if np.isfinite(values[:, _TEMPERATURE]).any()}
         if warm and not any(one.signal == 'motor_temperature' for one in usual):
@@ -236,7 +218,7 @@ def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]
 
 
 class MessageScanner:
-    """Reads one rosbag2 recording in batches of messages per topic.
+    """Reads one bag in batches of messages per topic.
 
     All joints are read or only one, with the `others` of its topic if these are wanted.
     """
@@ -246,11 +228,10 @@ class MessageScanner:
         with unreadable_on_error(path):
             self._storage = Storage(path)
         self._batch, self._units = batch, units or {}
+        self._types = message_types()
         self._topics: dict[str, _TopicReader] = {}
         self._activity = ActivityLog()
-        # The topic that holds the joint states, if the user names it or it has another name.
-        self._states, name = in_topic(path, joint)
-        self._joint = None if others else name or None
+        self._joint, self._others = joint, others
 
     @property
     def progress(self) -> float:
@@ -263,64 +244,46 @@ class MessageScanner:
         with unreadable_on_error(self._storage.path):
             for index, (topic, kind, receive, raw) in enumerate(
                     self._storage.messages(self._is_wanted)):
-                if not index:
-                    begin = receive
-                if kind == DIAGNOSTICS:
-                    self._activity.add(receive, raw, begin)
-                    continue
+                begin = begin or receive
                 reader = self._topics.get(topic)
                 if reader is None:
-                    signal = self._signal(topic, kind)
-                    assert signal is not None
-                    reader = self._topics[topic] = _TopicReader(topic, signal, self._joint)
-                reader.messages.append((receive, index, raw))
-                if len(reader.messages) >= self._batch:
-                    reader.decode()
-                    if reader.signal in ('joint_states', _DYNAMIC):
-                        yield self._scan()
-            if self._called_otherwise():
-                yield from self.scans()
-            else:
-                yield self._scan()
+                    reader = self._topics[topic] = _TopicReader(
+                        topic, kind, self._signal(topic, kind) or '',
+                        None if self._others else self._joint, self._types)
+                try:
+                    if kind == DIAGNOSTICS:
+                        self._activity.add(
+                            receive, self._types.deserialize_cdr(unpack(raw), kind), begin)
+                    else:
+                        reader.add(receive, index, unpack(raw))
+                # A broken message may raise anything.
+                except Exception:
+                    reader.broken += 1
+                if reader.count >= self._batch and reader.signal in ('joint_states', _DYNAMIC):
+                    yield self._scan()
+            yield self._scan()
 
     def _signal(self, topic: str, kind: str) -> str | None:
-        signal = signal_of(topic, kind)
-        if self._states is None or signal not in (None, 'joint_states', _DYNAMIC):
-            return signal
-        own = signal or ('joint_states' if kind == cdr.JOINT_STATE else None)
-        return own if topic == self._states else None
+        # Joint states may have any name if the user gives it.
+        named = kind == TOPICS['joint_states'] and (self._joint or '').startswith(f'{topic}/')
+        return signal_of(topic, kind) or ('joint_states' if named else None)
 
     def _is_wanted(self, topic: str, kind: str) -> bool:
         return kind == DIAGNOSTICS or self._signal(topic, kind) is not None
-
-    def _called_otherwise(self) -> bool:
-        """Begin anew if the only topic of measured joint states has another name."""
-        states = {signal_of(topic, kind) for topic, (kind, _) in self._storage.topics.items()}
-        others = [topic for topic, (kind, _) in self._storage.topics.items()
-                  if kind == cdr.JOINT_STATE and not is_target(topic.rsplit('/', 1)[-1])]
-        if (self._states or len(others) != 1
-                or {'joint_states', _DYNAMIC} & states):
-            return False
-        self._states, = others
-        self._storage, self._topics = Storage(self._storage.path), {}
-        self._activity = ActivityLog()
-        self._storage.notes.append(
-            f'{self._states} is read as joint_states: no other topic holds joint states')
-        return True
 
     def _scan(self) -> Scan:
         storage, readers = self._storage, self._topics.values()
         tracks = [track for reader in readers if (track := reader.take()) is not None]
         notes = storage.notes + [
             f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
-            f'{cdr.MOST_VALUES} values' for reader in readers if reader.broken]
+            f'{MOST_NAMES} joints' for reader in readers if reader.broken]
         tracks, in_ampere, more = _with_effort(tracks)
         dimensions = {unit.dimension for unit in self._units.values()}
         return Scan(
             storage.path, [self._in_si(track) for track in tracks], storage.topics, notes + more,
             storage.custom, list(self._activity.changes),
             effort_is_current=in_ampere or 'current' in dimensions,
-            linear=bool(dimensions & {'length', 'length/time', 'force'}), states=self._states)
+            linear=bool(dimensions & {'length', 'length/time', 'force'}))
 
     def _in_si(self, track: Track) -> Track:
         if track.signal != 'joint_states' or not self._units:
@@ -332,33 +295,90 @@ class MessageScanner:
 
 
 class _TopicReader:
-    def __init__(self, topic: str, signal: str, joint: str | None) -> None:
+    def __init__(self, topic: str, kind: str, signal: str, joint: str | None,
+                 types: Typestore) -> None:
         self.topic, self.signal = topic, signal
-        self.messages: list[tuple[int, int, bytes]] = []    # (receive time in ns, index, payload)
-        self.broken = 0                                     # messages that cannot be decoded
-        self._joint = joint
-        self._tracks: list[Track] = []
+        self.count = self.broken = 0    # messages since the last call, and those without sense
+        self._kind, self._joint, self._types = kind, joint, types
+        # Times of receipt and stamps in ns, index and rows of messages that hold the same names.
+        self._rows: dict[Any, list[tuple[int, int, int, np.ndarray]]] = {}
+        self._states: list[_States] = []
 
-    def decode(self) -> None:
-        """Decode the collected messages into a track, and release them."""
-        receive, order, payloads = zip(*self.messages)
-        times, orders = np.array(receive, dtype=np.int64), np.array(order, dtype=np.int64)
-        parts = []
-        for index, names, fields in cdr.decode(
-                _TYPES[self.signal], [unpack(payload) for payload in payloads]):
-            names, values = values_of(self.signal, names, fields, self._joint)
-            stamps = fields.get('stamp', np.zeros(len(index), dtype=np.int64))
-            parts.append(Track(self.topic, self.signal, times[index], stamps, orders[index],
-                               list(names), values))
-        self.broken += len(payloads) - sum(map(len, parts))
-        self.messages = []
-        if parts:
-            track = Track.concatenate(parts)
-            self._tracks.append(track if len(parts) == 1 else track.take(np.argsort(track.order)))
+    def add(self, receive: int, index: int, raw: bytes) -> None:
+        """Add a message, received at a time in ns; raises an error if it makes no sense."""
+        self.count += 1
+        if self._states and self._states[-1].add(receive, index, raw):
+            return
+        message: Any = self._types.deserialize_cdr(raw, self._kind)
+        names, rows = _content(message)
+        if max(rows.shape) > MOST_NAMES:
+            raise ValueError
+        if self._kind == TOPICS['joint_states']:
+            self._states.append(_States(names, message, raw))
+            self._states[-1].add(receive, index, raw)
+            return
+        stamp = message.header.stamp if hasattr(message, 'header') else None
+        self._rows.setdefault((names, rows.shape), []).append((
+            receive, stamp.sec * NANO + stamp.nanosec if stamp else 0, index, rows))
 
     def take(self) -> Track | None:
         """Return the messages since the last call; None if there are none."""
-        if self.messages:
-            self.decode()
-        tracks, self._tracks = self._tracks, []
-        return Track.concatenate(tracks) if tracks else None
+        parts = [self._track(names, *map(np.array, zip(*messages)))
+                 for (names, _), messages in self._rows.items()]
+        parts += [self._track(states.names, *states.decoded()) for states in self._states]
+        self._rows, self._states, self.count = {}, [], 0
+        if not parts:
+            return None
+        track = Track.concatenate(parts)
+        return track if len(parts) == 1 else track.take(np.argsort(track.order))
+
+    def _track(self, names: tuple[str, ...], receive: np.ndarray, stamp: np.ndarray,
+               order: np.ndarray, rows: np.ndarray) -> Track:
+        return Track(self.topic, self.signal, receive, stamp, order,
+                     [] if self.signal in _ARRAYS else list(names), {
+                         name: rows[:, k].copy() for k, name in enumerate(names)
+                         if self._joint is None or self._joint.endswith(name)})
+
+
+class _States:
+    """Successive JointStates that are laid out alike, decoded together.
+
+    They are most of a recording, and one by one would take four times as long.
+    """
+
+    def __init__(self, names: tuple[str, ...], message: Any, raw: bytes) -> None:
+        self.names = names
+        self._messages: list[tuple[int, int, bytes]] = []
+        # After the stamp, each text has its length before it, each array its number of values.
+        at, self._places = 16 + len(message.header.frame_id.encode()) + 1, [slice(4, 12)]
+        at += -at % 4 + 4
+        for name in message.name:
+            at += -at % 4 + 4 + len(name.encode()) + 1
+        for values in (message.position, message.velocity, message.effort):
+            at += -at % 4 + 4
+            at += -(at - 4) % 8 if len(values) else 0
+            self._places.append(slice(at, at + 8 * len(values)))
+            at += 8 * len(values)
+        ends = [0, *(end for place in self._places for end in (place.start, place.stop)), len(raw)]
+        self._fixed = [slice(*pair) for pair in zip(ends[::2], ends[1::2])]
+        self._same = [raw[part] for part in self._fixed]
+
+    def add(self, receive: int, index: int, raw: bytes) -> bool:
+        """Add a message if all but its stamp and values is as in the first; return whether."""
+        alike = [raw[part] for part in self._fixed] == self._same
+        if alike:
+            self._messages.append((receive, index, raw))
+        return alike
+
+    def decoded(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return times of receipt and stamps in ns, indices, and rows, as in a `Track`."""
+        receive, order, payloads = zip(*self._messages)
+        block = np.frombuffer(b''.join(payloads), np.uint8).reshape(len(payloads), -1)
+        end = '<' if block[0, 1] else '>'
+        seconds, nanoseconds = (block[:, part].copy().view(end + kind)[:, 0].astype(np.int64)
+                                for part, kind in ((slice(4, 8), 'i4'), (slice(8, 12), 'u4')))
+        rows = np.full((len(payloads), len(self.names), 3), np.nan)
+        for column, place in enumerate(self._places[1:]):
+            values = block[:, place].copy().view(end + 'f8')[:, :len(self.names)]
+            rows[:, :values.shape[1], column] = values
+        return np.array(receive), seconds * NANO + nanoseconds, np.array(order), rows

@@ -11,7 +11,7 @@ from typing import Any
 
 from friction_comp.errors import InputError, os_errors_name
 from friction_comp.layout import Layout, STATES, TABLES
-from friction_comp.recordings.scan import in_topic, MessageScanner
+from friction_comp.recordings.scan import MessageScanner
 from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
 from friction_comp.recordings.table_files import is_table, parts_of, with_parts
 from friction_comp.recordings.tables import TableScanner
@@ -125,8 +125,8 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
 
 def without_topic(path: AnyPath, joint: str | None) -> str | None:
     """Return the name of a recording's joint that may be given as /TOPIC/NAME."""
-    path = Path(path)
-    return joint if is_table(path) and not path.is_dir() else in_topic(path, joint)[1]
+    return joint if not (joint or '').startswith('/') else next(open_scanner(
+        path, joint, batch=_FIRST_MESSAGES).scans()).chosen(joint)[1]
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:

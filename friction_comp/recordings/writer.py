@@ -14,20 +14,20 @@ from types import TracebackType
 from typing import Any, Literal
 
 from mcap.writer import CompressionType, Writer
+import numpy as np
 from rosbags.typesys import get_typestore, Stores
-import zstandard
 
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.files import dump_yaml, write_atomically
+from friction_comp.files import create, dump_yaml, new_folder, write_atomically
 from friction_comp.recordings.storage import AnyPath, METADATA
+from friction_comp.samples import Samples
+from friction_comp.stamps import NANO
+from friction_comp.topics import TOPICS
 
 Qos = dict[str, Any]
-_VERSION = 9
 # rosbag2's value of a duration that is not set.
 _INFINITE = {'sec': 9223372036, 'nsec': 854775807}
-# Smallest size and duration of a file, bytes and s: each file needs an index and a thread.
-_MIN_SIZE, _MIN_DURATION = 10_000, 0.1
-_COMPRESSIONS = ('none', 'message', 'storage')
+_COMPRESSIONS = {'none': CompressionType.NONE, 'storage': CompressionType.ZSTD}
 _CHUNK = 1 << 20
 
 
@@ -40,45 +40,45 @@ def qos_profile(reliability: str = 'reliable', durability: str = 'volatile') -> 
 
 
 class RecordingWriter:
-    """A rosbag2 folder with mcap storage that is readable at any time while it is written.
+    """A rosbag2 folder with one mcap file that is readable at any time while it is written.
 
     Messages are collected in chunks with checksums, each written whole when it is full or `flush`
     is called. If the process is killed, only messages after the last chunk are lost; a full disk
     loses nothing that was written. ``metadata.yaml`` exists from the beginning.
 
     `custom_data`, of which ``model_file`` is the active model, is stored in metadata.yaml.
-    `compression` is 'none', 'message' or 'storage' (chunks inside the mcap file), all with zstd.
-    The next file begins after `split_size` bytes (from 10,000) and `split_duration` s (from 0.1);
-    0: never. Raises InputError if the folder `path` exists or cannot be created, or files would be
-    too small.
+    `compression` is 'none' or 'storage' (chunks inside the mcap file, with zstd). Raises InputError
+    if the folder `path` exists or cannot be created.
     """
 
     def __init__(self, path: AnyPath, custom_data: dict[str, str] | None = None,
-                 compression: str = 'none', split_size: float = 0,
-                 split_duration: float = 0.0) -> None:
+                 compression: str = 'none') -> None:
         self.path = Path(path)
         if compression not in _COMPRESSIONS:
-            raise InputError(f'compression must be none, message or storage, not {compression!r}')
-        if 0.0 < split_size < _MIN_SIZE:
-            raise InputError(f'max_file_size: {1e-6 * split_size:g} MB is too small: '
-                             f'{1e-6 * _MIN_SIZE:g} MB is the least, 0 writes a single file')
-        if 0.0 < split_duration < _MIN_DURATION:
-            raise InputError(f'max_file_duration: {split_duration:g} s is too short: '
-                             f'{_MIN_DURATION:g} s is the least, 0 writes a single file')
+            raise InputError(f'compression must be none or storage, not {compression!r}')
         self.custom_data = dict(custom_data or {})
-        self._compression = compression
-        self._split_size, self._split_duration = split_size, 1e9 * split_duration
         self._types = get_typestore(Stores.ROS2_JAZZY)
-        self._topics: dict[str, tuple[str, str, list[Qos]]] = {}
-        self._files: list[_McapFile] = []
+        # Type and profiles, channel, and number of messages of each topic; times of all messages.
+        self._topics: dict[str, tuple[str, list[Qos]]] = {}
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._counts: dict[str, int] = {}
+        self._first = self._last = 0
         self._is_open = True
         self.message_count = 0
         if self.path.exists():
             raise InputError(f'{self.path}: already exists, a recording needs a new folder')
         with os_errors_name(self.path, 'cannot be written: '):
             self.path.mkdir(parents=True)
+            self._file = _SyncedFile(self.path / f'{self.path.name}_0.mcap')
+        self._mcap = Writer(
+            self._file, chunk_size=_CHUNK, enable_data_crcs=True,  # type: ignore[arg-type]
+            compression=_COMPRESSIONS[compression])
         with self._closed_on_error():
-            self._begin_file()
+            self._mcap.start(profile='ros2', library='friction_comp')
+            self._file.flush()
+            # Not synced: the caller is recording and must not wait for the disk.
+            self._save_metadata(sync=False)
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -101,9 +101,16 @@ class RecordingWriter:
         if name not in self._topics:
             if type_name not in self._types.fielddefs:
                 raise InputError(f'{type_name}: not a message type of ROS 2 Jazzy')
-            definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
-            self._topics[name] = type_name, definition, list(qos) or [qos_profile()]
-            self._files[-1].declare(name, *self._topics[name])
+            if type_name not in self._schemas:
+                definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
+                self._schemas[type_name] = self._mcap.register_schema(
+                    type_name, 'ros2msg', definition.encode())
+            profiles = list(qos) or [qos_profile()]
+            self._channels[name] = self._mcap.register_channel(
+                name, 'cdr', self._schemas[type_name],
+                {'offered_qos_profiles': dump_yaml(profiles).strip()})
+            self._topics[name] = type_name, profiles
+            self._counts[name] = 0
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
@@ -114,21 +121,20 @@ class RecordingWriter:
         """
         if not self._is_open:
             raise InputError(f'{self.path}: the recording is closed')
-        name = self.add_topic(topic, type_name)
-        if self._compression == 'message':
-            cdr = zstandard.compress(cdr)
+        name, time = self.add_topic(topic, type_name), int(stamp_ns)
         with self._closed_on_error():
-            if self._is_full(stamp_ns):
-                self._finish_file()
-                self._begin_file()
-            self._files[-1].write(name, int(stamp_ns), cdr)
+            self._mcap.add_message(self._channels[name], time, cdr, time, self._counts[name])
+        self._first = min(self._first, time) if self.message_count else time
+        self._last = max(self._last, time)
+        self._counts[name] += 1
         self.message_count += 1
 
     def flush(self) -> None:
         """End the current chunk and write it; raises InputError as `write` does."""
         if self._is_open:
             with self._closed_on_error():
-                self._files[-1].flush()
+                self._mcap.flush()
+                self._file.flush()
 
     def close(self) -> None:
         """Finish the recording; raises InputError if nothing was recorded, or the disk is full."""
@@ -137,132 +143,71 @@ class RecordingWriter:
         if not self.message_count:
             self.abort()
             raise InputError(f'{self.path}: nothing was recorded, so nothing is written')
+        self.flush()
         with self._closed_on_error():
-            self._finish_file()
-            for file in self._files:
-                file.stream.join()
+            self._mcap.add_metadata(
+                'rosbag2', {'serialized_metadata': dump_yaml(self._metadata())})
+            self._mcap.finish()
+            self._file.flush()
+            self._file.close()
             self._save_metadata()
         self._is_open = False
 
     def abort(self) -> None:
         """Close and delete the recording."""
         if self._is_open:
-            self._drop_files()
+            self._drop_file()
         shutil.rmtree(self.path, ignore_errors=True)
 
-    def _begin_file(self) -> None:
-        file = _McapFile(self.path / f'{self.path.name}_{len(self._files)}.mcap',
-                         self._compression == 'storage')
-        self._files.append(file)
-        for topic, description in self._topics.items():
-            file.declare(topic, *description)
-        # Not synced: the caller is recording and must not wait for the disk.
-        self._save_metadata(sync=False)
-
-    def _is_full(self, time: int) -> bool:
-        file = self._files[-1]
-        if file.first is None:
-            return False
-        # The absolute value: the first stamp may be far ahead of all others.
-        elapsed = abs(time - file.first)
-        return bool((self._split_size and file.stream.tell() >= self._split_size)
-                    or (self._split_duration and elapsed >= self._split_duration))
-
-    def _finish_file(self) -> None:
-        self._files[-1].finish(dump_yaml(self._metadata(self._files[-1:])))
-
-    def _drop_files(self) -> None:
-        """Close all files without writing an index; flushed chunks remain."""
+    def _drop_file(self) -> None:
+        """Close the file without writing an index; flushed chunks remain."""
         self._is_open = False
-        for file in self._files:
-            with suppress(OSError):
-                file.stream.join()
+        with suppress(OSError):
+            self._file.close()
 
     @contextmanager
     def _closed_on_error(self) -> Iterator[None]:
-        """After an error, close the files, and delete the recording if it has no message."""
+        """After an error, close the file, and delete the recording if it has no chunk."""
         try:
             yield
         except (OSError, InputError) as error:
-            self._drop_files()
-            kept = '; what was written before can be read' if self.message_count else ''
+            self._drop_file()
+            kept = '; what was written before can be read' if self._file.chunks else ''
             if not kept:
                 shutil.rmtree(self.path, ignore_errors=True)
             reason = getattr(error, 'strerror', None) or error
             raise InputError(f'{self.path}: cannot be written: {reason}{kept}') from None
 
-    def _metadata(self, files: Sequence[_McapFile]) -> dict[str, Any]:
-        counts = {topic: sum(file.counts.get(topic, 0) for file in files) for topic in self._topics}
-        compressed = self._compression == 'message'
+    def _metadata(self) -> dict[str, Any]:
+        span = {'starting_time': {'nanoseconds_since_epoch': self._first},
+                'duration': {'nanoseconds': self._last - self._first},
+                'message_count': self.message_count}
+        name = self._file.path.name
         return {
-            'version': _VERSION, 'storage_identifier': 'mcap',
-            'relative_file_paths': [file.path.name for file in files],
-            **_span(files), 'message_count': sum(counts.values()),
+            'version': 9, 'storage_identifier': 'mcap', 'relative_file_paths': [name], **span,
             'topics_with_message_count': [{
                 'topic_metadata': {
                     'name': topic, 'type': kind, 'serialization_format': 'cdr',
                     'offered_qos_profiles': qos,
                     'type_description_hash': self._types.hash_rihs01(kind)},
-                'message_count': counts[topic]} for topic, (kind, _, qos) in self._topics.items()],
-            'compression_format': 'zstd' if compressed else '',
-            'compression_mode': 'message' if compressed else '',
-            'files': [{'path': file.path.name, **_span([file]),
-                       'message_count': sum(file.counts.values())} for file in files],
+                'message_count': self._counts[topic]}
+                for topic, (kind, qos) in self._topics.items()],
+            'compression_format': '', 'compression_mode': '', 'files': [{'path': name, **span}],
             'custom_data': self.custom_data or None, 'ros_distro': 'jazzy',
         }
 
     def _save_metadata(self, sync: bool = True) -> None:
         write_atomically(self.path / METADATA, dump_yaml(
-            {'rosbag2_bagfile_information': self._metadata(self._files)}), sync)
-
-
-class _McapFile:
-    def __init__(self, path: Path, compressed: bool) -> None:
-        self.path = path
-        self.counts: dict[str, int] = {}
-        self.first: int | None = None
-        self.last: int | None = None
-        self.stream = _SyncedFile(path)
-        self._writer = Writer(
-            self.stream, chunk_size=_CHUNK, enable_data_crcs=True,  # type: ignore[arg-type]
-            compression=CompressionType.ZSTD if compressed else CompressionType.NONE)
-        self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
-        self._writer.start(profile='ros2', library='friction_comp')
-        self.stream.flush()
-
-    def declare(self, topic: str, kind: str, definition: str, qos: list[Qos]) -> None:
-        if kind not in self._schemas:
-            self._schemas[kind] = self._writer.register_schema(kind, 'ros2msg', definition.encode())
-        self._channels[topic] = self._writer.register_channel(
-            topic, 'cdr', self._schemas[kind], {'offered_qos_profiles': dump_yaml(qos).strip()})
-        self.counts[topic] = 0
-
-    def write(self, topic: str, time: int, payload: bytes) -> None:
-        count = self.counts[topic]
-        self._writer.add_message(self._channels[topic], time, payload, time, count)
-        self.counts[topic] = count + 1
-        self.first = time if self.first is None else min(self.first, time)
-        self.last = time if self.last is None else max(self.last, time)
-
-    def flush(self) -> None:
-        self._writer.flush()
-        self.stream.flush()
-
-    def finish(self, metadata: str) -> None:
-        """End the file with an index and rosbag2's metadata."""
-        self.flush()
-        self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata})
-        self._writer.finish()
-        self.stream.flush()
-        self.stream.close()
+            {'rosbag2_bagfile_information': self._metadata()}), sync)
 
 
 class _SyncedFile:
     """A new file of whole blocks, which a thread syncs to the disk."""
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open('xb', buffering=0)
+        self.path = path
+        self.chunks = 0     # blocks with messages that were written
+        self._file = create(path)
         self._block = bytearray()
         self._written = 0
         self._thread = ThreadPoolExecutor(1)
@@ -291,32 +236,89 @@ class _SyncedFile:
         except OSError:
             self._file.truncate(self._written)
             raise
+        self.chunks += bool(size and self._written)
         self._written += size
         if self._sync.done():
             self._sync.result()
             self._sync = self._thread.submit(os.fsync, self._file.fileno())
 
     def close(self) -> None:
-        """Begin to sync and close the file; `join` waits for it."""
-        self._sync = self._thread.submit(self._sync_and_close, self._sync)
-        self._thread.shutdown(wait=False)
-
-    def join(self) -> None:
-        """Wait until the file is synced, and close it; raises OSError if the sync failed."""
-        self._thread.shutdown()
-        self._file.close()
-        self._sync.result()
-
-    def _sync_and_close(self, before: Future[None]) -> None:
+        """Sync and close the file; raises OSError if any sync failed."""
         # A failed sync is reported once by the system.
-        before.result()
-        os.fsync(self._file.fileno())
-        self._file.close()
+        self._thread.shutdown()
+        try:
+            self._sync.result()
+            os.fsync(self._file.fileno())
+        finally:
+            self._file.close()
 
 
-def _span(files: Sequence[_McapFile]) -> dict[str, Any]:
-    """Return the start and duration of files as rosbag2's metadata store them."""
-    first = min((file.first for file in files if file.first is not None), default=0)
-    last = max((file.last for file in files if file.last is not None), default=0)
-    return {'starting_time': {'nanoseconds_since_epoch': first},
-            'duration': {'nanoseconds': last - first}}
+def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
+                  torque_constant: float = 1.0, gear_ratio: float = 1.0, namespace: str = '',
+                  start_ns: int = NANO, custom_data: dict[str, str] | None = None
+                  ) -> None:
+    """Write samples, one per joint, as a recording with the topics that the nodes publish.
+
+    Several joints must share their time base; those without a name become ``joint_1`` and so on.
+    Effort is current · k_t · n, with k_t in N·m/A. `namespace` is the prefix of every topic, and
+    `start_ns` the stamp of time zero; the rest is as for `RecordingWriter`, but the recording is
+    whole or absent.
+    """
+    joints = [samples] if isinstance(samples, Samples) else list(samples)
+    if not joints:
+        raise InputError('no samples to write')
+    if any(not np.array_equal(other.time, joints[0].time) for other in joints[1:]):
+        raise InputError('samples: the joints of one recording must share their time base')
+    store = get_typestore(Stores.ROS2_JAZZY)
+    prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
+    with new_folder(Path(path)) as draft, RecordingWriter(draft, custom_data) as recording:
+        for stamp, topic, message in _messages(
+                store.types, joints, torque_constant * gear_ratio, start_ns):
+            recording.write(f'{prefix}/{topic}', TOPICS[topic], stamp,
+                            bytes(store.serialize_cdr(message, TOPICS[topic])))
+
+
+def _messages(types: dict[str, Any], joints: list[Samples], torque_per_current: float,
+              start_ns: int) -> Iterator[tuple[int, str, Any]]:
+    """Yield (stamp, topic, message) sample by sample; joint states come last."""
+    names = [each.joint or f'joint_{k + 1}' for k, each in enumerate(joints)]
+
+    def columns(signal: str) -> np.ndarray:
+        """Return a signal of all joints, shape (N, J), or (N, 0) where one has none."""
+        values = [getattr(each, signal) for each in joints]
+        if any(value is None for value in values):
+            return np.zeros((len(joints[0]), 0))
+        return np.column_stack(values).astype(float)
+
+    def header(frame: str = '') -> Any:
+        return types['std_msgs/msg/Header'](
+            types['builtin_interfaces/msg/Time'](*divmod(stamp, NANO)), frame)
+
+    position, velocity, reference, reference_velocity, command = map(columns, (
+        'position', 'velocity', 'reference_position', 'reference_velocity', 'command'))
+    effort = torque_per_current * columns('current')
+    direction = columns('direction').astype(np.int8)
+    vector, wrench = types['geometry_msgs/msg/Vector3'], types['geometry_msgs/msg/Wrench']
+    layout = types['std_msgs/msg/MultiArrayLayout']([], 0)
+    make = {topic: types[kind] for topic, kind in TOPICS.items()}
+    for k, time in enumerate(joints[0].time):
+        stamp = start_ns + round(float(time) * 1e9)
+        # The command, direction and reference that belong to a joint state precede it.
+        if np.isfinite(command[k]).any():
+            yield stamp, 'current_command', make['current_command'](layout, command[k])
+        # At every change and every tenth sample, similar to the about 100 Hz of a planner.
+        if direction.size and (k % 10 == 0 or (direction[k] != direction[k - 1]).any()):
+            yield stamp, 'direction', make['direction'](layout, direction[k])
+        if reference.size:
+            yield stamp, 'reference', make['reference'](
+                header(), names, reference[k], reference_velocity[k], np.zeros(0))
+        for name, each in zip(names, joints):
+            if each.load is not None:
+                torque = vector(0.0, 0.0, float(each.load[k]))
+                yield stamp, 'interaction_wrench', make['interaction_wrench'](
+                    header(name), wrench(vector(0.0, 0.0, 0.0), torque))
+            if each.temperature is not None and k % 100 == 0:
+                yield stamp, 'motor_temperature', make['motor_temperature'](
+                    header(name), float(each.temperature[k]), 0.0)
+        yield stamp, 'joint_states', make['joint_states'](
+            header(), names, position[k], velocity[k], effort[k])
