@@ -32,6 +32,7 @@ ROSDEP_KEYS = {
     'cycler': 'python3-matplotlib',  # comes with it
     'markdown_it': 'python3-rich',  # comes with it
     'matplotlib': 'python3-matplotlib',
+    'lz4': 'mcap-ros2-support',  # comes with it
     'mcap': 'mcap-ros2-support',  # comes with it
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
