@@ -41,9 +41,9 @@ def excitation_page(plans: Sequence[JointPlan], staircases: Sequence[Mapping[Pai
     page = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')
     worst = min((share, pair, plan.limits.joint) for plan in plans
                 for pair, share in plan.separation.items())
-    page.verdict(f'**Hardest to distinguish: {_pair_text(worst[1])}** of joint {worst[2]}: '
-                 f'{100 * worst[0]:.2g} % of one is independent of the other and of the friction '
-                 'curve.')
+    page.verdict('**Check the motion for collisions, then play `trajectory.yaml`.** Hardest to '
+                 f'distinguish: {_pair_text(worst[1])} of joint {worst[2]}; {100 * worst[0]:.2g} % '
+                 'of one is independent of the other and of the friction curve.')
     for plan, plain in zip(plans, staircases):
         page.heading(f'Joint {plan.limits.joint}')
         page.figure(_plan_figure(plan), 'Position and velocity over time, and velocity over '
