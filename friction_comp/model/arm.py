@@ -29,8 +29,8 @@ PARAMETERS = 10
 FREE_FALL = (0.0, 0.0, -9.81)
 # Rotation matrices in a file are rounded, by less than this in any product.
 _ROUNDED = 1e-6
-# The search of the largest weight: postures at its start, most passes over the joints, last gain.
-_STARTS, _SWEEPS, _CLOSE = 16, 20, 1e-6
+# The search of the largest weight: postures at its start, and passes over the joints.
+_STARTS, _SWEEPS = 16, 6
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _KINDS = ('revolute', 'prismatic')
 
@@ -104,33 +104,18 @@ class Tree:
         angle, so that three postures give the best angle of a joint while the others stay; repeated
         for all joints, from many postures.
         """
-        size = len(self.joints)
+        size, thirds = len(self.joints), math.tau / 3.0 * np.arange(3.0)
         # Evenly distributed postures, each for a torque in both directions.
         q = math.tau * np.modf(np.outer(np.arange(_STARTS) + 0.5, _GOLDEN ** np.arange(1, size + 1))
                                )[0].repeat(2, axis=0)
         q[:, self.prismatic] = 0.0
         signs = np.tile([1.0, -1.0], _STARTS)
-        largest = self._at_rest(q)[:, index] * signs
-        for _ in range(_SWEEPS):
-            before = largest
-            for k in np.flatnonzero(~self.prismatic):
-                q[:, k], largest = self._best_angles(index, signs, q, int(k))
-            if largest.max() <= before.max() * (1.0 + _CLOSE):
-                break
-        return float(max(0.0, largest.max()))
-
-    def _best_angles(self, index: int, signs: np.ndarray, q: np.ndarray, k: int
-                     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the angle of joint `k`, rad, at which joint `index` holds the most, and that, N·m.
-
-        Both are of shape (P,), for postures `q`, (P, J); `signs`, (P,), say which way it is held.
-        """
-        angles = math.tau / 3.0 * np.arange(3.0)
-        postures = q.repeat(3, axis=0)
-        postures[:, k] = np.tile(angles, len(q))
-        torques = signs[:, None] * self._at_rest(postures)[:, index].reshape(-1, 3)
-        cosine, sine = (2.0 / 3.0 * torques @ wave(angles) for wave in (np.cos, np.sin))
-        return np.arctan2(sine, cosine), torques.mean(axis=1) + np.hypot(cosine, sine)
+        for k in np.tile(np.flatnonzero(~self.prismatic), _SWEEPS):
+            postures = q.repeat(3, axis=0)
+            postures[:, k] = np.tile(thirds, len(q))
+            torques = signs[:, None] * self._at_rest(postures)[:, index].reshape(-1, 3)
+            q[:, k] = np.arctan2(torques @ np.sin(thirds), torques @ np.cos(thirds))
+        return float(max(0.0, (signs * self._at_rest(q)[:, index]).max()))
 
     def _at_rest(self, postures: np.ndarray) -> np.ndarray:
         still = np.zeros_like(postures)
