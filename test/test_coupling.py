@@ -54,22 +54,6 @@ def test_the_weight_of_the_next_link_is_found_without_a_urdf():
         assert again.current(names, *motion) == pytest.approx(coupling.current(names, *motion))
 
 
-@pytest.mark.parametrize('size, told', [(300, False), (1000, True)])
-def test_a_weight_that_other_joints_may_be_holds_its_value_beyond_the_recorded_positions(
-        size, told):
-    names = ('shoulder', 'elbow', 'wrist')
-    currents, motion = planar(np.random.default_rng(0), size)
-    recorded = seen_by('shoulder', names, currents[0], motion)
-    weight = next(effect for effect in refine([recorded]).model.effects
-                  if effect.name == 'gravity')
-    last = float(recorded.position.max())
-    beyond, at_the_end = weight.current(Samples(
-        time=np.zeros(2), position=np.array([last + 1.0, last]), velocity=np.ones(2),
-        current=np.zeros(2)))
-    expected = 2.0 * np.cos(last + 1.0) if told else at_the_end
-    assert beyond == pytest.approx(expected, abs=0.1)
-
-
 def test_kinetic_terms_agree_with_lagranges_equations():
     """By the derivatives of the energy along the motion, taken by differences."""
     rng, names, step = np.random.default_rng(5), tuple('abc'), 1e-4

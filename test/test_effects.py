@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each effect obeys its docstring, and properties that all effects share for any numbers."""
 
-from dataclasses import replace
 import math
 
 from effect_maker import defaults, parameters_of, samples_of
@@ -76,19 +75,6 @@ def test_warm_up_and_drift_fade_with_their_time_and_are_not_of_another_day(name)
     same, other = model.predict(MOTION, same_recording=True), model.predict(MOTION)
     assert np.max(np.abs(same)) > 0.19
     assert np.max(np.abs(other)) == pytest.approx(0.1, rel=0.05)
-
-
-def test_friction_grows_with_rest_and_motion_undoes_it():
-    def start_after(rest):
-        still = round(rest / 0.01)
-        position = np.concatenate((np.zeros(still), 0.005 * np.arange(1, 101)))
-        velocity = np.concatenate((np.zeros(still), np.full(100, 0.5)))
-        return current_of('rest_time', position, velocity, velocity=0.01)[still:]
-    short, long = start_after(0.2), start_after(20.0)
-    assert 0 < short[0] < 0.2 * long[0]
-    assert long[0] == pytest.approx(0.1 * math.exp(-0.1), rel=1e-3)
-    assert long[10] / long[0] == pytest.approx(1 / math.e, rel=1e-9)
-    assert np.all(np.diff(long) < 0)
 
 
 def test_hysteresis_depends_on_the_path_and_not_on_time():
@@ -202,17 +188,6 @@ def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
     term.reset()
     again = [term.update(*sample) for sample in zip(samples.time[:100] + 8.0, *signals)]
     assert again == pytest.approx(live[:100], rel=1e-9, abs=1e-12)
-
-
-@pytest.mark.parametrize('name, changes', [
-    ('gravity', {'lowest': 0.0, 'highest': 0.034}), ('rest_time', {'rest_duration': 0.2}),
-    ('warm_up', {'duration': 27.0}), ('hysteresis', {'distinct_positions': 28.0}),
-    ('hysteresis', {'reversals': 0.0}), ('backlash', {'reversals': 2.0}),
-    ('stribeck', {'slow': 0.9}), ('temperature', {'temperature_span': 1.0}),
-    ('direction_asymmetry', {'both_directions': False})])
-def test_each_effect_says_if_the_data_cannot_show_it(name, changes):
-    assert EFFECTS[name].insufficient_data(COVERAGE) == ''
-    assert EFFECTS[name].insufficient_data(replace(COVERAGE, **changes)).endswith('.')
 
 
 def test_beyond_its_fitted_range_an_effect_keeps_its_value_at_the_edge():

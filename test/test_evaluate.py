@@ -200,18 +200,6 @@ def test_torque_left_from_the_previous_movement_is_not_a_peak():
         assert repetition.figures['onset'] == pytest.approx(MOVE + 0.6, abs=0.05)
 
 
-def test_without_a_torque_sensor_motion_and_current_still_speak():
-    # The joint follows the reference, announced 0.5 s ahead, by a tenth of a second.
-    samples = trial([1.0] * 8, directions=[1, -1] * 4)
-    late = np.interp(samples.time - 0.1, samples.time, samples.position)
-    evaluation = evaluate([samples.with_(load=None, position=late)])
-    assert not evaluation.measured
-    for condition in evaluation.conditions:
-        assert 'peak_torque' not in condition.figures
-        # It counts as started after a hundredth of the distance.
-        assert condition.figures['onset'].mean == pytest.approx(0.25, abs=0.06)
-
-
 # Conditions: who compensated, and how.
 
 
@@ -249,21 +237,6 @@ def test_what_changes_within_a_recording_is_told_apart():
     other = RecordingInfo('trial', 'elbow', activity=[(0.0, Activity(0, 'inactive', '', ''))])
     assert laws(evaluate([samples.with_(command=np.ones(len(samples)))], about=[other])) == {
         'other'}
-
-
-@pytest.mark.parametrize('reference', [True, False])
-@pytest.mark.parametrize(('after', 'before', 'counted'), [
-    # s after the beginning of the fourth of six movements.
-    (-0.8, 'paper', 6), (0.1, 'paper', 5), (2.3, 'paper', 5), (3.0, 'paper', 6),
-    (1.0, 'continuous', 6)])
-def test_a_movement_during_which_the_law_changed_counts_for_none(after, before, counted, reference):
-    samples = both([1.0] * 3 + [0.4] * 3)
-    if not reference:
-        samples = samples.with_(reference_position=None, reference_velocity=None)
-    evaluation = evaluate([samples], about=[info_of(
-        (0.0, before, 'a.yaml'), (3 * PERIOD + REST + after, 'continuous', 'a.yaml'))])
-    assert sum(c.repetitions for c in evaluation.conditions) == counted
-    assert len(evaluation.repetitions) == counted
 
 
 def test_a_compensator_that_fell_silent_compensates_nothing(tmp_path):

@@ -60,15 +60,6 @@ def test_the_stated_export_error_is_that_of_the_missing_effect():
     assert joint.coulomb == pytest.approx(0.2 * GAIN, rel=0.02)
 
 
-def test_a_linear_axis_with_a_motor_constant_is_no_hinge(tmp_path):
-    axis = replace(PLAIN, notes={'unit': 'A', 'position_unit': 'm'})
-    text = exported(tmp_path, axis, 'mujoco')
-    assert 'type="slide"' in text
-    assert 'N·m' not in text
-    assert 'rad/s' not in text
-    assert 'Fo, N, v in m/s' in exported(tmp_path, axis, 'tanh')
-
-
 @pytest.mark.parametrize('form', ['mujoco', 'urdf', 'sdf'])
 def test_files_hold_the_numbers_and_say_what_they_miss(tmp_path, form):
     text = exported(tmp_path, PLAIN, form)
@@ -139,17 +130,6 @@ def test_yaml_forms_hold_the_numbers_that_refine_reports(tmp_path, form, keys):
     # The interval of another inertia than the model's is not passed on.
     assert 'armature' not in numbers['range']
     assert 'misses nothing of the model' in text
-
-
-def test_no_simulator_draws_from_numbers_below_zero(tmp_path):
-    low, high = 0.05 / GAIN, 0.3
-    model = replace(PLAIN, recorded=Recorded((0.5, 1.0), {
-        'coulomb': (-high, high), 'viscous': (-high, high), 'inertia': (-low, high)}))
-    text = exported(tmp_path, model, 'mujoco')
-    for key in ('frictionloss', 'damping', 'armature'):
-        assert float(re.search(f'randomisation: {key} ([^ ]+) to', text)[1]) == 0.0
-    numbers = json.loads(exported(tmp_path, model, 'json'))     # what was found
-    assert min(numbers['range']['coulomb']) < 0.0
 
 
 @pytest.mark.parametrize(('ends', 'static'), [((0.27, 0.33), 0.3), ((0.1, 0.9), 0.2), ((), 0.3)])

@@ -10,13 +10,7 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.fleet.common_model import CommonModel
-from friction_comp.fleet.population import (
-    ERROR,
-    population_of,
-    spread_of,
-    units_from_recordings,
-    Values,
-)
+from friction_comp.fleet.population import ERROR, population_of, spread_of, Values
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -122,17 +116,6 @@ def test_odd_units_do_not_hide_each_other_and_a_clean_fleet_has_none():
     assert np.nonzero(spread_of(units, 8).out)[0].tolist() == [0, 1, 2]
     three = np.abs(units.value - units.value.mean()) > 3 * units.value.std(ddof=1)
     assert not three.any()
-
-
-def test_what_differs_from_day_to_day_is_no_spread_between_units():
-    rng = np.random.default_rng(5)
-    unit = np.repeat(np.arange(20), 4)
-    values = 1.0 + 0.5 * rng.standard_normal(80)
-    units = units_from_recordings(values, np.full(80, 0.01), unit)
-    assert units.error == pytest.approx(np.full(20, 0.25), rel=0.25)
-    spread = spread_of(units)
-    assert spread.interval[0] == 0.0
-    assert spread.deviation < 0.2
 
 
 def test_an_effect_is_common_if_half_of_the_recordings_show_it(model):

@@ -178,23 +178,6 @@ def test_a_mass_is_in_kg():
     assert in_own_units(friction_rows(friction_of(force))[-1].value, True) == '0.145 kg'
 
 
-def test_a_velocity_that_the_drive_filtered_does_not_count_as_inertia():
-    samples = recording()
-    time = samples.time
-    # First-order low pass of 25 ms, over five samples.
-    rate, late = np.gradient(samples.position, time), np.zeros(len(time))
-    for k in range(1, len(time)):
-        late[k] = late[k - 1] + (1.0 - np.exp(-0.005 / 0.025)) * (rate[k] - late[k - 1])
-    report = refine([samples.with_(velocity=late)]).report
-    low, high = report.friction.intervals['inertia']
-    assert low < TRUTH['inertia'] < high < 1.15 * TRUTH['inertia']
-    note, = (note for note in report.warnings if 'recorded velocity' in note)
-    assert 'later than the position' in note
-    # A velocity at the same time is used: nothing is said.
-    report = refine([samples.with_(velocity=rate)]).report
-    assert not any('recorded velocity' in note for note in report.warnings)
-
-
 def test_a_current_at_its_limit_does_not_bend_the_friction():
     samples = recording()
     noisy = samples.current + 0.04 * np.random.default_rng(9).standard_normal(len(samples))
@@ -219,26 +202,3 @@ def test_friction_that_the_sigmoid_lacks_is_part_of_coulomb_friction():
     asymmetry = EFFECTS['direction_asymmetry']({
         'offset': 0.0, 'transition': 0.03, 'coefficients': [0.1, 0.0]})
     assert line_of(replace(PLAIN, effects=[asymmetry]))['offset'] == pytest.approx(0.14)
-
-
-@pytest.mark.parametrize('slow', [True, False])
-def test_friction_near_standstill_has_an_interval_as_wide_as_it_was_recorded(slow):
-    time = np.arange(0.0, 60.0, 0.005)
-    # Speeds down to rest, or trapezoids at one speed.
-    velocity = 0.6 * np.sin(0.5 * time) * np.sin(0.11 * time) if slow else np.clip(
-        3.0 * np.sin(2.0 * time), -0.6, 0.6)
-    position = np.cumsum(velocity) * 0.005
-    rng = np.random.default_rng(4)
-    torque = (np.tanh(velocity / 0.002) * (1.0 + 0.3 * np.exp(-(velocity / 0.05) ** 2))
-              + 0.4 * velocity + 0.02 * np.gradient(velocity, time))
-    samples = Samples(time=time, position=position + 1e-5 * rng.standard_normal(len(time)),
-                      current=torque + 0.05 * rng.standard_normal(len(time)))
-    found = refine([samples]).model
-    assert 'stribeck' in [effect.name for effect in found.effects]
-    low, high = found.recorded.intervals['static']
-    assert low < 1.3 < high
-    assert (high - low < 0.1) == slow
-    assert 'hardly tells' not in simulator_joint(found, 'isaac').static_is
-    # An interval that reaches down to Coulomb friction tells nothing.
-    wide = replace(found.recorded, intervals={**found.recorded.intervals, 'static': (0.9, 1.6)})
-    assert 'hardly tells' in simulator_joint(replace(found, recorded=wide), 'isaac').static_is

@@ -15,7 +15,6 @@ import yaml
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.differentiation import DEFAULT_SETTINGS
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.motor_check import check_for_motor
@@ -221,21 +220,6 @@ def test_typing_errors_never_reach_a_motor(tmp_path, text, words):
     with pytest.raises(InputError, match=words) as caught:
         check_for_motor(FrictionModel.load(path), 'elbow', ['elbow', 'wrist'])
     assert '\n' not in str(caught.value)
-
-
-def test_a_model_that_identification_wrote_passes(tmp_path):
-    model, speeds = note_model(2), [-1.5, -0.5, 0.5, 1.5]
-    model.lookup_table = {'speeds': speeds, 'currents': [float(model.sigmoid(v)) for v in speeds],
-                          'standard_deviations': [0.01] * 4}
-    model.joint = 'elbow'
-    model.save(tmp_path / 'elbow.yaml')
-    check_for_motor(FrictionModel.load(tmp_path / 'elbow.yaml'), 'elbow', ['elbow', 'wrist'])
-    model.lookup_table['currents'][3] *= 3.0
-    with pytest.raises(InputError, match='misses the lookup_table'):
-        check_for_motor(model, 'elbow', ['elbow'])
-    # Refinement fits another sigmoid to recordings and keeps the table of identification.
-    model.differentiation = DEFAULT_SETTINGS
-    check_for_motor(model, 'elbow', ['elbow'])
 
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True) | st.integers(-10**30, 10**30)

@@ -121,17 +121,3 @@ def test_a_linear_axis_has_no_weight_once_a_turn():
     for unit, found in (('N·m', True), ('N', False)):
         report = refine([samples], unit=unit).report
         assert ('gravity' in {effect.name for effect in report.effects}) == found
-
-
-def test_a_current_unrelated_to_the_motion_is_not_trusted():
-    samples = swings(6)
-    rng = np.random.default_rng(6)
-    slow = np.convolve(rng.standard_normal(4100), np.exp(-np.arange(101) / 20.0), 'valid')
-    result = refine([samples.with_(current=slow[:4000])])
-    report = result.report
-    assert report.after.held_out_rmse <= report.before.held_out_rmse
-    assert report.verdict == 'record again'
-    assert report.record_again
-    sigmoid = result.model.sigmoid
-    assert sigmoid.upper >= sigmoid.lower
-    assert sigmoid.viscous >= 0.0

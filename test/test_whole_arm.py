@@ -92,25 +92,6 @@ def test_predict_needs_no_urdf_and_is_right_on_another_recording(refined, joint,
     assert own == pytest.approx(error, abs=1e-6)
 
 
-def test_a_joint_that_stands_still_is_left_out_and_a_gripper_may_be_there(refined, tmp_path,
-                                                                        capsys):
-    """Only the last joint moves; two recordings; a gripper without effort beside the arm."""
-    for number, name in enumerate(('one', 'two')):
-        rng = np.random.default_rng(20 + number)
-        motion = waves(rng, 400, 3, 0.01)
-        for values, place in zip(motion, (0.3, 0.0, 0.0)):
-            values[:, :2] = place
-        joints = recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
-        finger = joints[0].with_(joint='finger', current=np.zeros(400), arm=None)
-        write_samples(tmp_path / name, [*joints, finger])
-    whole = refined_to(
-        tmp_path / 'out', tmp_path / 'one', tmp_path / 'two', '--urdf', refined / 'arm.urdf')
-    assert list(whole['joints']) == ['bend']
-    assert whole['joints']['bend']['after']['held_out_rmse'] < 0.04
-    assert "'finger' is not in the URDF" in capsys.readouterr().out
-    assert any("'turn'" in line and 'moves' in line for line in whole['arm']['notes'])
-
-
 def test_the_weight_of_the_arm_is_fed_forward_or_left_to_the_robot(refined):
     q = np.array([0.3, 0.5, -0.4])
     # The limit that refinement writes is that of the currents recorded.
