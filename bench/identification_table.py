@@ -35,10 +35,12 @@ CYCLES, ELEMENTS = 8, 8
 NAMES = ('breakaway', 'coulomb', 'viscous', 'curve', 'acceleration', 'presliding')
 # Words of a warning on each of them.
 SAID = {
-    'breakaway': ('breakaway', 'position', 'drift', 'one direction', 'negative direction needs',
+    'breakaway': ('breakaway', 'drift', 'one direction', 'negative direction needs',
                   'positive direction needs'),
-    'coulomb': ('drift', 'curve of Eq. 6', 'varies'), 'viscous': ('drift', 'curve', 'varies'),
-    'curve': ('drift', 'curve', 'varies'), 'acceleration': ('inertia', 'acceleration per current'),
+    'coulomb': ('drift', 'curve', 'rises over position', 'varies'),
+    'viscous': ('drift', 'curve', 'rises over position', 'varies'),
+    'curve': ('drift', 'curve', 'rises over position', 'varies'),
+    'acceleration': ('inertia', 'acceleration per current'),
     'presliding': ('presliding', 'Presliding')}
 
 

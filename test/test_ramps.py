@@ -119,7 +119,7 @@ def friction_of(recorded):
 @pytest.mark.parametrize('slope', [0.1, 0.3])
 def test_breakaway_does_not_depend_on_the_presliding_distance(distance, slope):
     recorded = ramp(Contact(distance), slope)
-    assert evaluated([recorded]).records.current == pytest.approx([LEVEL], rel=0.02)
+    assert evaluated([recorded]).breakaways == pytest.approx([LEVEL], rel=0.02)
     assert friction_of(recorded).presliding(LEVEL) == pytest.approx(distance, rel=0.2)
 
 
@@ -130,7 +130,7 @@ def test_breakaway_is_the_largest_current_that_holds_however_friction_goes_on(st
                 for distance in (1e-4, 3e-4) for sign in (1, -1)]
     found = evaluated(recorded)
     np.testing.assert_allclose(
-        found.records.current, LEVEL * np.array([1, -1, 1, -1]), rtol=0.035)
+        found.breakaways, LEVEL * np.array([1, -1, 1, -1]), rtol=0.035)
     # Between that and where it goes, it moves so slowly that a gear may also creep there.
     assert ('gives way slowly' in ' '.join(found.warnings)) == (strengthening > 0.2)
 
@@ -145,7 +145,7 @@ def test_a_contact_of_little_damping_does_not_creep_under_the_stairs(damping, di
                              before=recorded[-1].direction if recorded else -1))
         held[sign].append(abs(recorded[-1].breakaway))
     found = evaluated(recorded)
-    np.testing.assert_allclose(np.abs(found.records.current), LEVEL, rtol=0.03)
+    np.testing.assert_allclose(np.abs(found.breakaways), LEVEL, rtol=0.03)
     assert found.presliding.distance == pytest.approx(distance, rel=0.1)
     assert found.presliding.std < (0.25 if damping else 0.6) * distance
 
@@ -222,7 +222,7 @@ def test_backlash_is_reported_with_its_size_and_excluded_from_breakaway(backlash
     assert found.backlash == pytest.approx(backlash, rel=0.2)
     assert found.presliding.backlash == found.backlash
     assert any('backlash of' in warning for warning in found.warnings)
-    assert np.mean(np.abs(found.records.current)) == pytest.approx(LEVEL, rel=0.05)
+    assert np.mean(np.abs(found.breakaways)) == pytest.approx(LEVEL, rel=0.05)
     presliding = found.presliding
     assert presliding.distance < 2e-4 + 0.15 * backlash
     assert abs(presliding.distance - 2e-4) < 2.0 * presliding.std

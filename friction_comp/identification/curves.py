@@ -203,109 +203,106 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
     used = np.isfinite(speeds) & np.isfinite(currents) & (speeds != 0.0)
     order = np.argsort(speeds[used], kind='stable')
     speeds, currents = speeds[used][order], currents[used][order]
-    both = bool((speeds > 0.0).any() and (speeds < 0.0).any())
     if len(speeds) < 5 or len(np.unique(np.abs(speeds))) < 2:
         raise InputError('a table of steady states needs at least 5 rows with two speeds, not '
                          f'{len(speeds)}')
     if not currents.any():
         raise InputError('all efforts are zero: there is no friction to fit')
-    fits = [_SteadyFit(speeds, currents, both, skewed, power)
-            for skewed, power in itertools.product((False, True), (0.0, 1.0, 2.0))
-            if both or not skewed]
+    both = bool((speeds > 0.0).any() and (speeds < 0.0).any())
+    plain = {'coulomb': np.sign(speeds), 'viscous': speeds}
+    plain |= {'offset': np.ones_like(speeds)} if both else {}
+    skewed = {**plain, 'viscous_asymmetry': np.abs(speeds)}
+    fits = [_Steady.fitted(speeds, currents, terms, power)
+            for terms in ((plain, skewed) if both else (plain,)) for power in (0.0, 1.0, 2.0)]
     best = min(fits, key=lambda fit: fit.criterion)
+    # Whether the errors of neighbouring speeds are more alike than chance makes them.
+    alike = np.concatenate([side[1:] * side[:-1] for side in (
+        best.residual[speeds > 0.0], best.residual[speeds < 0.0])])
+    squares = float(np.mean(best.residual ** 2))
     return SteadyStates(
         speeds=speeds, currents=currents, values=best.values, intervals=best.intervals(),
-        model=_steady_model(speeds, currents, drive, best.values, best.power),
-        fit_rmse=rms(best.residual), left_out_rmse=best.left_out(), plain_rmse=fits[0].left_out(),
-        is_curved=_is_curved(speeds, currents, best.residual))
+        model=best.model(speeds, currents, drive), fit_rmse=rms(best.residual),
+        left_out_rmse=best.left_out(), plain_rmse=fits[0].left_out(),
+        is_curved=len(alike) >= _FEWEST_PAIRS and squares > (_SMALL * rms(currents)) ** 2 and bool(
+            np.mean(alike) > 2.0 * squares / math.sqrt(len(alike))))
 
 
-class _SteadyFit:
-    """Least squares of one choice of terms: their values, and how well they fit."""
+@dataclass(frozen=True)
+class _Steady:
+    """Least squares of one choice of terms, (N, K)."""
 
-    def __init__(self, speeds: np.ndarray, currents: np.ndarray, both: bool, skewed: bool,
-                 power: float) -> None:
-        terms = {'coulomb': np.sign(speeds), 'viscous': speeds}
-        terms |= {'offset': np.ones_like(speeds)} if both else {}
-        terms |= {'viscous_asymmetry': np.abs(speeds)} if skewed else {}
-        size = np.abs(speeds)
+    values: dict[str, float]
+    power: float            # of Stribeck friction's exponent; 0: none
+    jacobian: np.ndarray
+    residual: np.ndarray
+    criterion: float        # Akaike's for small samples
 
-        def design(fading: float) -> np.ndarray:
-            stribeck = [np.sign(speeds) * np.exp(-(size / fading) ** power)] if power else []
-            return np.column_stack([*terms.values(), *stribeck])
-
-        def solved(fading: float) -> tuple[np.ndarray, np.ndarray]:
-            columns = design(fading)
-            found = np.linalg.lstsq(columns, currents, rcond=None)[0]
-            return found, currents - columns @ found
-        fading = 1.0
+    @classmethod
+    def fitted(cls, speeds: np.ndarray, currents: np.ndarray, terms: dict[str, np.ndarray],
+               power: float) -> _Steady:
+        """Fit terms, and Stribeck friction that fades as exp(-|v / speed|^power)."""
+        size, columns = np.abs(speeds), np.column_stack(list(terms.values()))
+        names, design = list(terms), columns
         if power:
+            def with_stribeck(fading: float) -> np.ndarray:
+                return np.column_stack(
+                    (columns, np.sign(speeds) * np.exp(-(size / fading) ** power)))
+
+            def error(fading: float) -> float:
+                tried = with_stribeck(fading)
+                return rms(currents - tried @ np.linalg.lstsq(tried, currents, rcond=None)[0])
             # As in the effect: from below the slowest to two thirds of the top speed.
             grid = np.geomspace(0.5 * size.min(), 0.7 * size.max(), 60)
-            k = int(np.clip(np.argmin([rms(solved(one)[1]) for one in grid]), 1, len(grid) - 2))
+            k = int(np.clip(np.argmin([error(one) for one in grid]), 1, len(grid) - 2))
             fading = float(optimize.minimize_scalar(
-                lambda one: rms(solved(one)[1]), bounds=(grid[k - 1], grid[k + 1]),
-                method='bounded').x)
-        found, self.residual = solved(fading)
-        self.power, self._jacobian = power, design(fading)
-        self.values = dict(zip([*terms, *(['stribeck'] if power else [])], found.tolist()))
+                error, bounds=(grid[k - 1], grid[k + 1]), method='bounded').x)
+            names, design = [*names, 'stribeck', 'stribeck_speed'], with_stribeck(fading)
+        found = np.linalg.lstsq(design, currents, rcond=None)[0]
+        residual = currents - design @ found
         if power:
-            self.values['stribeck_speed'] = fading
-            step = 1e-4 * fading
-            slope = (design(fading + step) - self._jacobian)[:, -1] / step
-            self._jacobian = np.column_stack((self._jacobian, found[-1] * slope))
-        count, free = self._jacobian.shape
+            slope = (with_stribeck(1.0001 * fading) - design)[:, -1] / (1e-4 * fading)
+            design = np.column_stack((design, found[-1] * slope))
+            found = np.append(found, fading)
+        values = dict(zip(names, found.tolist()))
+        count, free = design.shape
         floor = count * (_ROUNDING * float(np.max(np.abs(currents)))) ** 2
-        squares = max(float(self.residual @ self.residual), floor)
         # One more parameter is the scatter.
-        spare = count - free - 2
-        allowed = spare > 0 and self.values.get('stribeck', 1.0) > 0.0
-        self.criterion = count * math.log(squares / count) + 2.0 * (free + 1) * count / spare \
-            if allowed else math.inf
+        spare, criterion = count - free - 2, math.inf
+        if spare > 0 and values.get('stribeck', 1.0) > 0.0:
+            criterion = 2.0 * (free + 1) * count / spare + count * math.log(
+                max(float(residual @ residual), floor) / count)
+        return cls(values, power, design, residual, criterion)
 
     def intervals(self) -> dict[str, tuple[float, float]]:
         """Return the 95 % intervals of the values."""
-        count, free = self._jacobian.shape
+        count, free = self.jacobian.shape
         variance = float(self.residual @ self.residual) / (count - free)
-        spread = np.sqrt(variance * np.diag(np.linalg.pinv(self._jacobian.T @ self._jacobian)))
+        spread = np.sqrt(variance * np.diag(np.linalg.pinv(self.jacobian.T @ self.jacobian)))
         half = float(student_quantile(count - free)) * spread
         return {name: (value - width, value + width)
                 for (name, value), width in zip(self.values.items(), half.tolist())}
 
     def left_out(self) -> float:
         """Return the RMS error of each row, predicted by a fit to the others."""
-        leverage = np.diag(self._jacobian @ np.linalg.pinv(self._jacobian))
+        leverage = np.diag(self.jacobian @ np.linalg.pinv(self.jacobian))
         return rms(self.residual / np.maximum(1.0 - leverage, 1e-6))
 
-
-def _is_curved(speeds: np.ndarray, currents: np.ndarray, residual: np.ndarray) -> bool:
-    """Return whether the errors of neighbouring speeds are more alike than chance makes them.
-
-    Errors of a hundredth of the current do not count.
-    """
-    alike = np.concatenate([side[1:] * side[:-1] for side in (
-        residual[speeds > 0.0], residual[speeds < 0.0])])
-    squares = float(np.mean(residual ** 2))
-    return len(alike) >= _FEWEST_PAIRS and squares > (_SMALL * rms(currents)) ** 2 and (
-        float(np.mean(alike)) > 2.0 * squares / math.sqrt(len(alike)))
-
-
-def _steady_model(speeds: np.ndarray, currents: np.ndarray, drive: Drive, value: dict[str, float],
-                  power: float) -> FrictionModel:
-    """Return a curve as a model with the table in it."""
-    steepness = _STEEP / float(np.min(np.abs(speeds)))
-    offset, coulomb = value.get('offset', 0.0), value['coulomb']
-    effects = [EFFECTS['stribeck']({
-        'velocity': value['stribeck_speed'], 'exponent': power, 'transition': 2.0 / steepness,
-        'coefficients': [value['stribeck']]})] if power else []
-    effects += [EFFECTS['direction_asymmetry']({
-        'offset': 1.0, 'transition': 2.0 / steepness,
-        'coefficients': [0.0, value['viscous_asymmetry']]})
-    ] if 'viscous_asymmetry' in value else []
-    means = {speed: currents[speeds == speed] for speed in np.unique(speeds)}
-    return FrictionModel(
-        drive, Sigmoid(offset + coulomb, offset - coulomb, steepness, 0.0, value['viscous']),
-        effects=effects, lookup_table={
-            'speeds': [float(speed) for speed in means],
-            'currents': [float(np.mean(one)) for one in means.values()],
-            'standard_deviations': [float(np.std(one)) for one in means.values()]})
+    def model(self, speeds: np.ndarray, currents: np.ndarray, drive: Drive) -> FrictionModel:
+        """Return the curve as a model with the table in it."""
+        value, steepness = self.values, _STEEP / float(np.min(np.abs(speeds)))
+        offset, coulomb = value.get('offset', 0.0), value['coulomb']
+        effects = [EFFECTS['stribeck']({
+            'velocity': value['stribeck_speed'], 'exponent': self.power,
+            'transition': 2.0 / steepness, 'coefficients': [value['stribeck']]})
+        ] if self.power else []
+        effects += [EFFECTS['direction_asymmetry']({
+            'offset': 1.0, 'transition': 2.0 / steepness,
+            'coefficients': [0.0, value['viscous_asymmetry']]})
+        ] if 'viscous_asymmetry' in value else []
+        means = {speed: currents[speeds == speed] for speed in np.unique(speeds)}
+        return FrictionModel(
+            drive, Sigmoid(offset + coulomb, offset - coulomb, steepness, 0.0, value['viscous']),
+            effects=effects, lookup_table={
+                'speeds': [float(speed) for speed in means],
+                'currents': [float(np.mean(one)) for one in means.values()],
+                'standard_deviations': [float(np.std(one)) for one in means.values()]})

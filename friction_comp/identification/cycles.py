@@ -41,8 +41,6 @@ _DRIFT, _ERRORS = 0.03, 3.0
 # Share of the samples of a phase that, if all counted alike, would have the error of the weighted
 # mean: (∫w)² / ∫w² with w = s²(1 - s)².
 _COUNTED = 0.7
-# Ranges of position that are compared, and fewest samples in each.
-_RANGES, _SAMPLES = 48, 3
 # For inertia, so many cycles of neighbouring speeds are used together.
 _CYCLES = 3
 # Each of three averages takes this share of a cycle. Samples are used from this share of the top
@@ -172,12 +170,6 @@ class Cycle:
                    for point, phase in zip(self.points, self.phases())) / self.friction
 
     @property
-    def reach(self) -> float:
-        """Distance driven at constant velocity, rad."""
-        (begin, end), _ = constant_velocity_windows(self.duration)
-        return self.speed * (end - begin)
-
-    @property
     def middle(self) -> float:
         """Middle of the range driven, rad."""
         position = self.samples[:, 1]
@@ -189,17 +181,6 @@ class Cycle:
         known = np.isfinite(self.samples[:, 2])
         return [self.samples[(since >= begin) & (since <= end) & known]
                 for begin, end in constant_velocity_windows(self.duration, SETTLING)]
-
-    def over_position(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return friction and load in A over ranges of position; NaN where too little is known."""
-        sides = []
-        for _, position, current in (phase.T for phase in self.phases()):
-            index = np.floor(((position - self.middle) / self.reach + 0.5) * _RANGES).astype(int)
-            inside = (index >= 0) & (index < _RANGES)
-            count = np.bincount(index[inside], minlength=_RANGES)
-            total = np.bincount(index[inside], current[inside], _RANGES)
-            sides.append(np.where(count >= _SAMPLES, total / np.maximum(count, 1), np.nan))
-        return 0.5 * (sides[0] - sides[1]), 0.5 * (sides[0] + sides[1])
 
 
 def position_slopes(cycles: Sequence[Cycle]) -> tuple[float, float]:

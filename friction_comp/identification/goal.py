@@ -149,18 +149,8 @@ class IdentificationGoal(MotionGoal):
         if self.longest_cycle != math.inf:
             check_number(self.longest_cycle, 'longest_cycle', above=0.0)
         object.__setattr__(self, 'speeds', tuple(speeds))
-        duration, width = self.cycle(speeds[-1])
-        if 0.3 * duration < _SHORTEST:
-            cause = (f'motion_range: {self.motion_range:g} rad'
-                     if width == _USED_SHARE * self.motion_range
-                     else f'longest_cycle: {self.longest_cycle:g} s')
-            raise InputError(f'{cause} leaves {0.3 * duration:.2g} s of constant velocity at '
-                             f'{speeds[-1]:g} rad/s; {_SHORTEST:g} s are needed')
-
-    @staticmethod
-    def largest_speed(motion_range: float) -> float:
-        """Return the largest speed in rad/s that is held for long enough within a range in rad."""
-        return 0.3 * 2.5 * _USED_SHARE * motion_range / _SHORTEST
+        if why := self.too_short(speeds[1], 1e-3):
+            raise InputError(f'motion_range, longest_cycle: fewer than two speeds fit: {why}')
 
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return duration T in s and width in rad of the cycle at a speed (Eq. 5)."""
@@ -173,12 +163,12 @@ class IdentificationGoal(MotionGoal):
         # A fifth more than needed, as they may come unevenly; without what settles, see
         # `constant_velocity_windows`.
         needed = 1.2 * FEWEST * step
-        shortest = min(needed / 0.12, (needed + SETTLING) / 0.3)
+        shortest = max(_SHORTEST / 0.3, min(needed / 0.12, (needed + SETTLING) / 0.3))
         if duration >= shortest:
             return ''
         wider = self.motion_range * shortest / duration
-        return (f'within {width:.2g} rad it is over too soon for states at {1.0 / step:.0f} Hz: '
-                f'widen motion_range to {wider + 0.005:.2f} rad')
+        return (f'within {width:.2g} rad, {speed:g} rad/s is over too soon for states at '
+                f'{1.0 / step:.0f} Hz: widen motion_range to {wider + 0.005:.2f} rad')
 
 
 @dataclass(frozen=True)

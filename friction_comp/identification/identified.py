@@ -23,7 +23,6 @@ from friction_comp.identification.cycles import (
     pairs,
 )
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.ramps import BreakawayRecords
 from friction_comp.model.arm import Arm
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
@@ -50,7 +49,7 @@ class IdentificationResult:
     sigmoid: Sigmoid                # fit of Eq. 6
     sigmoid_error: float            # E of Eq. 7, A
     breakaway: Breakaway
-    records: BreakawayRecords       # every single breakaway
+    breakaways: np.ndarray          # every single one, A, signed, in order of time
     # k_t·n/J in rad/s² per A from the cycles of Eq. 3, else, less exactly, from the short push.
     acceleration_per_current: float
     goal: IdentificationGoal
@@ -161,35 +160,20 @@ def doubts_of_cycles(cycles: Sequence[Cycle], repeated: Sequence[Cycle], inertia
     return said
 
 
-def doubts_of_positions(first: Sequence[Cycle], again: Sequence[Cycle]) -> list[str]:
-    """Return whether friction, or the load, varies over position at a speed that was driven twice.
+def doubts_of_positions(cycles: Sequence[Cycle], slopes: Sequence[float]) -> list[str]:
+    """Return whether friction, or the load, rises over the positions of cycles.
 
-    The slowest one is used. What both cycles have in common is not noise.
+    `slopes` are those of `position_slopes`, A/rad.
     """
-    both = next(iter(pairs(first, again)), None)
-    if both is None:
-        return []
-    width = max(float(np.ptp(cycle.samples[:, 1])) for cycle in first)
-    said = []
-    for what, one, other in zip(('friction varies over position, by about ±{:.0%} of friction: the '
-                                 'table has means over the range, breakaway is that of its middle',
-                                 'the load varies over position, by about ±{:.0%} of friction: '
-                                 'gravity, a spring or cogging. Add them with refine, since '
-                                 'compensated friction no longer holds a weight'),
-                                *(cycle.over_position() for cycle in both)):
-        known = np.isfinite(one) & np.isfinite(other)
-        if np.mean(known) < 0.5:
-            continue
-        common = float(np.cov(one[known], other[known])[0, 1])
-        # A slow cycle is short: what rises over it, rises over all that the fastest drive.
-        places = np.flatnonzero(known) * both[0].reach / len(known)
-        rise, rise_again = (
-            float(np.polyfit(places, profile[known], 1)[0]) for profile in (one, other))
-        trend = 0.5 * width * min(abs(rise), abs(rise_again)) * (rise * rise_again > 0.0)
-        amplitude = max(math.sqrt(2.0 * max(common, 0.0)), trend) / both[0].friction
-        if amplitude > _POSITION:
-            said.append(what.format(amplitude))
-    return said
+    forward, backward = slopes
+    half = 0.5 * max(float(np.ptp(cycle.samples[:, 1])) for cycle in cycles)
+    friction = float(np.mean([cycle.friction for cycle in cycles]))
+    return [what.format(share) for what, slope in (
+        ('friction rises over position, by about ±{:.0%} of friction: the table has means over the '
+         'range, breakaway is that of its middle', 0.5 * (forward - backward)),
+        ('the load rises over position, by about ±{:.0%} of friction: gravity, or a spring. Add it '
+         'with refine, since compensated friction no longer holds a weight',
+         0.5 * (forward + backward))) if (share := half * abs(slope) / friction) > _POSITION]
 
 
 def doubts_of_ramps(breakaway: Breakaway, points: Sequence[KineticPoint], cycles: int, step: float,

@@ -134,31 +134,19 @@ def rests(time: Sequence[float], position: Sequence[float], sign: int, resolutio
     return third - second <= max(_COUNT * resolution, noise, _SLOWER * (second - first), creep)
 
 
-@dataclass(frozen=True)
-class BreakawayRecords:
-    """Every breakaway of an identification; arrays of shape (M,), in order of time."""
+def breakaway_of(ramps: Sequence[Ramp]) -> Breakaway:
+    """Return means, standard deviations and mean positions of ramps (Eq. 9 and 10)."""
+    values: dict[str, float] = {}
+    for name, sign in (('positive', 1), ('negative', -1)):
+        own = np.array([(ramp.breakaway, ramp.held.position)
+                        for ramp in ramps if ramp.direction == sign])
+        values |= dict(zip((f'{name}_mean', f'{name}_position'), own.mean(axis=0).tolist()))
+        values[f'{name}_std'] = _scatter(own[:, 0])
+    return Breakaway(**values)
 
-    current: np.ndarray     # A, negative in the negative direction
-    position: np.ndarray    # rad
-    direction: np.ndarray   # +1 or -1
 
-    def __len__(self) -> int:
-        return len(self.current)
-
-    def currents(self, direction: int) -> np.ndarray:
-        """Return the currents of one direction in A, signed."""
-        return self.current[self.direction == direction]
-
-    def statistics(self) -> Breakaway:
-        """Return means, standard deviations, mean positions (Eq. 9 and 10)."""
-        values: dict[str, float] = {}
-        for name, sign in (('positive', 1), ('negative', -1)):
-            own = self.currents(sign)
-            values |= {
-                f'{name}_mean': float(np.mean(own)),
-                f'{name}_std': float(np.std(own, ddof=1)) if len(own) > 1 else 0.0,
-                f'{name}_position': float(np.mean(self.position[self.direction == sign]))}
-        return Breakaway(**values)
+def _scatter(currents: np.ndarray) -> float:
+    return float(np.std(currents, ddof=1)) if len(currents) > 1 else 0.0
 
 
 @dataclass(frozen=True)
@@ -307,7 +295,7 @@ def find_backlash(curves: Sequence[RampFriction], directions: np.ndarray, onward
 class RampEvaluation:
     """Result of a drive's ramps."""
 
-    records: BreakawayRecords
+    breakaways: np.ndarray          # every single one, A, signed, in order of time
     presliding: Presliding | None   # None if the encoder is too coarse
     warnings: list[str]
     backlash: float | None          # rad; None if none was found
@@ -322,15 +310,13 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
     directions = np.array([ramp.direction for ramp in ramps])
     onward = np.array([ramp.before == ramp.direction for ramp in ramps])
     held = np.array([ramp.breakaway for ramp in ramps])
-    records = BreakawayRecords(
-        held, np.array([ramp.held.position for ramp in ramps]), directions)
     curves = [RampFriction.of(ramp, resolution, acceleration_per_current, viscous)
               for ramp in ramps]
     backlash, upturns = find_backlash(curves, directions, onward, resolution)
     warnings = []
     if backlash > 0.0:
         for own in (np.abs(held[directions == sign]) for sign in (1, -1)):
-            scatter = float(np.std(own, ddof=1) / np.mean(own)) if len(own) > 1 else 0.0
+            scatter = _scatter(own) / float(np.mean(own))
             if 2.0 * scatter > _MOST_SCATTER * math.sqrt(len(own)):
                 raise IdentificationError(
                     f'backlash of {backlash:.2g} rad: breakaway scatters by {scatter:.0%}; request '
@@ -351,4 +337,4 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
     # Less than two counts cannot be resolved.
     presliding = None if distance <= 2.0 * resolution else Presliding(
         distance, None, deviation, backlash or None)
-    return RampEvaluation(records, presliding, warnings, backlash or None)
+    return RampEvaluation(held, presliding, warnings, backlash or None)

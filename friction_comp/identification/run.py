@@ -181,7 +181,7 @@ class IdentificationRun(SupervisedRun):
         if why := self.goal.too_short(speed, self.supervision.step):
             return why
         limit, say = self.drive.current_limit, self.supervision.say
-        needed = max(self._push.values()) + self._accelerating_current(speed)
+        needed = self.push + self._accelerating_current(speed)
         if needed <= _USED_CURRENT * limit:
             return ''
         return (f'within {self.goal.motion_range:g} rad it would take about {say(needed)} to '
@@ -209,8 +209,8 @@ class IdentificationRun(SupervisedRun):
                             f'({self.bandwidth(self.gains[0]):.0f} rad/s)')
             return
         self.cycles.append(best)
-        self.commanded_points.extend(best.commanded)
-        self._update_friction()
+        for point in best.commanded:
+            self.learn(1 if point.speed > 0.0 else -1, abs(point.speed), point.current)
 
     def _one_cycle(self, speed: float, gain: float) -> Generator[float, Sample, Cycle | None]:
         """Run one cycle of Eq. 3; return None if the joint did not hold its speed."""
@@ -245,7 +245,7 @@ class IdentificationRun(SupervisedRun):
     def _breakaway(self, sign: int) -> Generator[float, Sample, None]:
         """Find the largest current that holds, on one ramp; repeat it if no stair held."""
         held = self._held[sign]
-        first = stairs.first_stair(held or [_PUSH_HOLDS * self._push[sign]])
+        first = stairs.first_stair(held or [_PUSH_HOLDS * self.known[sign][0][1]])
         while True:
             begin = self.sample.time
             ramp, level = yield from self._ramp(sign, first)
@@ -354,7 +354,7 @@ class IdentificationRun(SupervisedRun):
             [ramp._replace(samples=without_lag(ramp.samples, lag)) for ramp in self.ramps],
             max(self._resolution, min(filter(None, seen), default=0.0)), acceleration,
             sigmoid.viscous)
-        breakaway, misfit = found.records.statistics(), doubts.curve_misfit(points, sigmoid)
+        breakaway, misfit = stairs.breakaway_of(self.ramps), doubts.curve_misfit(points, sigmoid)
         warnings, say = list(self.warnings), self.supervision.say
         if self._inertia_is_typical and not inertia:
             warnings.append('the inertia could not be estimated; a typical one was assumed')
@@ -362,11 +362,11 @@ class IdentificationRun(SupervisedRun):
             *doubts.doubts_of_cycles(cycles, repeated, inertia, drift), *found.warnings,
             *doubts.doubts_of_ramps(breakaway, points, self.goal.breakaway_cycles,
                                     self.supervision.step, found.presliding, say),
-            *doubts.doubts_of_positions(self.cycles, self.repeated),
+            *doubts.doubts_of_positions(self.cycles, slopes),
             *doubts.doubts_of_curve(points, sigmoid, misfit, say)]
         return IdentificationResult(
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
-            records=found.records, acceleration_per_current=acceleration,
+            breakaways=found.breakaways, acceleration_per_current=acceleration,
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
             uncertainty=doubts.uncertainty_of(cycles, repeated, misfit),
             warnings=warnings,

@@ -27,7 +27,6 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.facts.current import LATEST
-from friction_comp.identification.cycles import KineticPoint
 from friction_comp.identification.goal import IdentificationError, MotionGoal
 from friction_comp.identification.supervision import (
     BANDWIDTH,
@@ -184,13 +183,13 @@ class SupervisedRun(ABC):
             drive, goal.ramp_peak or _BLIND_SHARE * drive.current_limit, torque)
         self.sample = Sample(math.nan, math.nan, math.nan)  # the latest one
         self.start = math.nan               # position at the start, rad
-        # Look-up table of commanded currents so far, for the controller's feedforward and limit:
-        # measurements in a wrong unit must not drive the joint.
-        self.commanded_points: list[KineticPoint] = []
+        # Speeds in rad/s and commanded currents in A, magnitudes, of each direction: what broke the
+        # joint free, at zero, and what cycles took. The controller relies on them, and on nothing
+        # measured: measurements in a wrong unit must not drive the joint.
+        self.known: dict[int, list[tuple[float, float]]] = {1: [], -1: []}
         self.gains = list(GAINS)            # those with which the joint did not oscillate
         self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
-        self._push = {1: 0.0, -1: 0.0}     # current that broke the joint free, magnitude in A
         self._slid = 0                     # direction of the latest slide
         self._counted = False              # whether the encoder has ever changed
         self._inertia_is_typical = False   # whether the push did not show it
@@ -294,7 +293,7 @@ class SupervisedRun(ABC):
         rates = []
         for sign in (1, -1):
             rates.append((yield from self._short_push(sign)))
-        push = max(self._push.values())
+        push = self.push
         if self.goal.ramp_slope is None:
             self.ramp_slope = push / _RISE_TIME
             self.ramp_peak = min(_BEYOND * push, self.drive.current_limit)
@@ -324,10 +323,9 @@ class SupervisedRun(ABC):
             yield from self._standstill(STILL_TIME + LATEST)
             self.supervision.require_confirmed_current()
             sample = self.sample
-        self._push[sign] = current
         if self.goal.ramp_slope is None:
             self.supervision.least = LEAST_SHARE * current
-        self._update_friction()
+        self.learn(sign, 0.0, current)
         strong = min(1.3 * current, self.drive.current_limit)
         room = sample.position + sign * 0.04 * self.goal.motion_range
         pushed, begin = [sample], sample.time
@@ -358,13 +356,18 @@ class SupervisedRun(ABC):
             self.supervision.refuse_unseen(current)
         return current
 
-    def _update_friction(self) -> None:
-        if 0.0 not in self._push.values():
-            positive, negative = (
-                sign * max([self._push[sign]] + [abs(point.current) for point in
-                                                 self.commanded_points if point.speed * sign > 0.0])
-                for sign in (1, -1))
-            self.supervision.friction = positive, negative
+    def learn(self, sign: int, speed: float, current: float) -> None:
+        """Take note of the current in A that a speed in rad/s took in one direction."""
+        self.known[sign].append((speed, abs(current)))
+        positive, negative = (max((level for _, level in own), default=math.nan)
+                              for own in self.known.values())
+        if positive > 0.0 and negative > 0.0:
+            self.supervision.friction = positive, -negative
+
+    @property
+    def push(self) -> float:
+        """Largest current in A that broke the joint free."""
+        return max(own[0][1] for own in self.known.values())
 
     # The controller, from what has been measured so far.
 
@@ -376,37 +379,28 @@ class SupervisedRun(ABC):
         late = max(supervision.step + supervision.delay, 1e-6)
         stable = min(BANDWIDTH, DELAY_SHARE * PHASE / late)
         # An encoder count shall hardly change the current.
-        quiet = math.sqrt(
-            0.06 * min(self._push.values()) * supervision.acceleration / self._resolution)
+        least = min(own[0][1] for own in self.known.values())
+        quiet = math.sqrt(0.06 * least * supervision.acceleration / self._resolution)
         return max(min(gain * stable, quiet), 0.5 * LEAST_BANDWIDTH)
+
+    def _expected_current(self, sign: int, speed: float) -> float:
+        """Return the magnitude in A of the current expected at a speed, by the last two."""
+        (slow, low), (fast, high) = [*self.known[sign][:1], *self.known[sign]][-2:]
+        rise = max(high - low, 0.0) / (fast - slow) if fast > slow else 0.0
+        return high + rise * (speed - fast)
 
     def _plausible_current(self, speed: float) -> float:
         """Return the largest plausible current in A at a speed.
 
-        Beyond measured speeds, friction grows at most in proportion to speed. Twice that, plus
-        twice the profile's acceleration, leaves room for gravity and control; a blocked joint or a
-        stuck encoder exceeds it.
+        Twice what is expected, plus twice the profile's acceleration, leaves room for gravity and
+        control; a blocked joint or a stuck encoder exceeds it.
         """
-        push = max(self._push.values())
-        known = max([push] + [
-            abs(point.current) * max(1.0, speed / abs(point.speed))
-            for point in self.commanded_points[-2:]])
-        return float(min(self.drive.current_limit, max(3.0 * push, 2.0 * known)
-                         + 2.0 * self._accelerating_current(speed)))
+        expected = max(self._expected_current(sign, speed) for sign in (1, -1))
+        return min(self.drive.current_limit, max(3.0 * self.push, 2.0 * expected)
+                   + 2.0 * self._accelerating_current(speed))
 
     def _accelerating_current(self, speed: float) -> float:
         return 10.0 * speed / self.goal.cycle(speed)[0] / self.supervision.acceleration
-
-    def _expected_current(self, sign: int, speed: float) -> float:
-        """Return the current expected at a speed, from the look-up table so far."""
-        known = [point for point in self.commanded_points if point.speed * sign > 0.0][-2:]
-        if not known:
-            return sign * self._push[sign]
-        current, last = known[-1].current, known[-1]
-        if last.speed != known[0].speed:
-            rise = (last.current - known[0].current) / (last.speed - known[0].speed)
-            current += max(rise, 0.0) * (sign * speed - last.speed)
-        return current if current * sign > 0.0 else sign * self._push[sign]
 
     # Following a reference.
 
@@ -420,7 +414,7 @@ class SupervisedRun(ABC):
         bandwidth, supervision = self.bandwidth(gain), self.supervision
         parameters = Controller(
             supervision.acceleration, self._plausible_current(speed),
-            self._expected_current(1, speed), self._expected_current(-1, speed), bandwidth)
+            self._expected_current(1, speed), -self._expected_current(-1, speed), bandwidth)
         supervision.control(bandwidth)
         state = controller_state()
         begin, last = self.sample.time, self.sample.time - 1e-3

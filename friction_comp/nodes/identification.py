@@ -30,12 +30,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder, file_names, to_yaml
 from friction_comp.identification.carried import Carried, GRAVITY
-from friction_comp.identification.goal import (
-    check_field,
-    GOAL_LIMITS,
-    IdentificationGoal,
-    TrajectoryGoal,
-)
+from friction_comp.identification.goal import GOAL_LIMITS, IdentificationGoal, TrajectoryGoal
 from friction_comp.identification.run import IdentificationRun, TrajectoryRun
 from friction_comp.nodes.goal_server import GoalServer
 from friction_comp.ros import joint_io
@@ -351,11 +346,6 @@ def identification_goal(request: Any, joints: list[str], defaults: dict[str, Any
     """Return joint index and goal of an IdentifyFriction goal."""
     index = _index_of(request.joint, joints) if request.joint else 0
     fields = {name: getattr(request, name) or default for name, default in defaults.items()}
-    if not request.speeds:
-        check_field('motion_range', fields['motion_range'])
-        # Of the default speeds, those for which the range is wide enough.
-        largest = IdentificationGoal.largest_speed(float(fields['motion_range']))
-        fields['speeds'] = [speed for speed in fields['speeds'] if abs(speed) <= largest]
     return index, IdentificationGoal(**dict(
         fields, speeds=tuple(fields['speeds']), ramp_slope=fields['ramp_slope'] or None))
 

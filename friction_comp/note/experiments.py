@@ -174,7 +174,7 @@ class ExperimentOutcome:
             'breakaway': {
                 **{f'{side}_{figure}': getattr(self.breakaway, f'{side}_{figure}')
                    for side in ('positive', 'negative') for figure in ('mean', 'std')},
-                'cycles': len(self.identified.records.currents(1))},
+                'cycles': self.identified.goal.breakaway_cycles},
             'sigmoid': list(self.model.sigmoid.coefficients()),
             'sigmoid_error': self.identified.sigmoid_error,
             'speeds': [point.speed for point in self.identified.points],

@@ -177,8 +177,8 @@ def breakaway_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     figure, axes = panels([f'{outcome.experiment.number} (mA)' for outcome in outcomes],
                           'ramp', 1.2)
     for axis, outcome in zip(axes, outcomes):
-        both, records = outcome.breakaway, outcome.identified.records
-        currents = 1e3 * np.abs(records.currents(1))
+        both, found = outcome.breakaway, outcome.identified.breakaways
+        currents = 1e3 * found[found > 0.0]
         mean, deviation = 1e3 * both.positive_mean, 1e3 * both.positive_std
         axis.axhspan(mean - deviation, mean + deviation, color=COLOURS['predicted'], alpha=0.15)
         axis.axhline(mean, color=COLOURS['predicted'])
