@@ -81,9 +81,13 @@ def noisy(scale, factor=1.0, smoothing=1.0):
     return alter
 
 
-def trembling(run, sample, random=np.random.default_rng(7)):
-    sample[1] += 2e-6 * random.normal()
-    return sample
+def trembling():
+    random = np.random.default_rng(7)
+
+    def alter(run, sample):
+        sample[1] += 2e-6 * random.normal()
+        return sample
+    return alter
 
 
 def low_pass(place, time_constant, step=STEP):
@@ -99,10 +103,14 @@ def low_pass(place, time_constant, step=STEP):
     return alter
 
 
-def late_sensors(run, sample, past=[]):
-    past.append(sample[1:3])
-    sample[1:3] = past[-2:][0]
-    return sample
+def late_sensors():
+    past = []
+
+    def alter(run, sample):
+        past.append(sample[1:3])
+        sample[1:3] = past[-2:][0]
+        return sample
+    return alter
 
 
 def frozen(phase, delay, velocity):
@@ -184,9 +192,9 @@ def test_a_steady_load_is_reported():
 
 
 @pytest.mark.parametrize(('changes', 'error'), [
-    ({'alter': low_pass(2, 0.06)}, 0.03), ({'alter': late_sensors}, 0.03),
+    ({'alter': low_pass(2, 0.06)}, 0.03), ({'alter': late_sensors()}, 0.03),
     ({'alter': low_pass(1, 0.025, 2e-3), 'step': 2e-3}, 0.03), ({'alter': shifted}, 0.5),
-    ({'alter': trembling, 'step': 2e-3, 'drive': Drive(0.119, 100.0, 2 ** 20)}, 0.05),
+    ({'alter': trembling(), 'step': 2e-3, 'drive': Drive(0.119, 100.0, 2 ** 20)}, 0.05),
     ({'alter': noisy(0.02, 1.0, 0.33), 'step': 2e-3, 'seed': 4}, 0.05),
     # The current comes 8 to 24 ms after the command.
     ({'late': 2}, 0.05), ({'late': 6}, 0.05)])
@@ -296,12 +304,15 @@ LIMITED = [np.concatenate((np.linspace(0.0, 0.3, 1000), np.linspace(0.3, 1.5, ri
 def test_a_limit_or_a_dead_band_of_a_drive_is_no_wrong_unit(currents, response, words, not_said):
     supervision, random = supervised(), np.random.default_rng(8)
     supervision.least = 0.002
-    with pytest.raises(IdentificationError, match=words) as caught:
+
+    def command_all():
         for k, current in enumerate(currents):
             measured = response(current) + 1e-3 * random.normal()
             supervision.check(1e-3 * k, 0.0, None, (current, measured))
             if k == 900:
                 supervision.is_current_confirmed()
+    with pytest.raises(IdentificationError, match=words) as caught:
+        command_all()
     assert not_said not in str(caught.value)
 
 
