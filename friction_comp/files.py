@@ -14,10 +14,8 @@ from contextlib import contextmanager, suppress
 import errno
 import io
 import json
-import math
 import os
 from pathlib import Path
-import re
 import stat
 from typing import Any, BinaryIO, TYPE_CHECKING
 import zlib
@@ -25,6 +23,8 @@ import zlib
 import yaml
 
 from friction_comp.errors import InputError, one_line, os_errors_name
+from friction_comp.interrupts import interrupts_deferred
+from friction_comp.plain_yaml import parse_yaml, QuotingDumper
 
 if TYPE_CHECKING:
     import xml.etree.ElementTree as ElementTree
@@ -33,19 +33,18 @@ AnyPath = str | os.PathLike[str]
 PACKED = 1000
 """What is packed, as in a .gz, .zstd, .npz or .h5 file, unpacks to at most so many times its size:
 times and noise of a recording do not pack better."""
-# What may always be unpacked, and the largest documents in YAML and JSON, both in bytes; how many
-# values these hold, and how deep they are nested.
-_SMALL, _LARGEST, _MOST, _DEEPEST = 16_000_000, 20_000_000, 4_000_000, 100
-# Files that were read, by device and inode, and whether each is a document, as a model is.
-_inputs: dict[tuple[int, int], tuple[Path, bool]] = {}
+# What may always be unpacked, and the largest documents, both in bytes.
+_SMALL, _LARGEST = 16_000_000, 20_000_000
+# Files that were read, by device and inode.
+_inputs: dict[tuple[int, int], Path] = {}
 
 
 # In.
 
-def open_input(path: AnyPath, document: bool = False) -> BinaryIO:
+def open_input(path: AnyPath) -> BinaryIO:
     """Open a file for reading; raises InputError if it is not a regular file, or cannot be read.
 
-    Nothing is written in its place later, but a new model in that of a `document`.
+    Nothing is written in its place later, but a new model.
     """
     path = Path(path)
     with os_errors_name(path, 'cannot be read: '):
@@ -57,7 +56,7 @@ def open_input(path: AnyPath, document: bool = False) -> BinaryIO:
             if stat.S_ISDIR(kind.st_mode):
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
             raise InputError(f'{path}: not a regular file')
-        _inputs[kind.st_dev, kind.st_ino] = path.absolute(), document
+        _inputs[kind.st_dev, kind.st_ino] = path.absolute()
         return os.fdopen(handle, 'rb')
 
 
@@ -67,12 +66,12 @@ def check_input(path: AnyPath) -> Path:
     return Path(path)
 
 
-def read_text(path: AnyPath, most: int = _LARGEST, document: bool = False) -> str:
-    """Return a text file in UTF-8 of at most so many bytes; raises InputError if it is none."""
-    with open_input(path, document) as stream:
-        data = stream.read(most + 1)
-    if len(data) > most:
-        raise InputError(f'{path}: more than {most // 1000} kB')
+def read_text(path: AnyPath) -> str:
+    """Return a text file in UTF-8; raises InputError if it is none, or too large."""
+    with open_input(path) as stream:
+        data = stream.read(_LARGEST + 1)
+    if len(data) > _LARGEST:
+        raise InputError(f'{path}: more than {_LARGEST // 1_000_000} MB')
     try:
         return data.decode('utf-8-sig')
     except UnicodeDecodeError:
@@ -93,21 +92,17 @@ class Unpacked(io.RawIOBase):
     """
 
     def __init__(self, where: object, packed: BinaryIO) -> None:
+        import gzip
+
+        import zstandard
+
         self._where, self._size, self._given = where, os.fstat(packed.fileno()).st_size, 0
+        self._errors = EOFError, OSError, zlib.error, zstandard.ZstdError
         self.damage = ''
-        begin = packed.read(4)
+        is_zstd = packed.read(4) == b'\x28\xb5\x2f\xfd'
         packed.seek(0)
-        self._errors: tuple[type[Exception], ...] = (EOFError, OSError, zlib.error)
-        if begin == b'\x28\xb5\x2f\xfd':
-            import zstandard
-
-            self._errors = (zstandard.ZstdError,)
-            self._plain: Any = zstandard.ZstdDecompressor(
-                max_window_size=1 << 27).stream_reader(packed, read_across_frames=True)
-        else:
-            import gzip
-
-            self._plain = gzip.GzipFile(fileobj=packed)
+        self._plain: Any = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(
+            packed, read_across_frames=True) if is_zstd else gzip.GzipFile(fileobj=packed)
 
     def readable(self) -> bool:
         """Return True."""
@@ -154,94 +149,9 @@ def library_for(path: Path, name: str, extra: str, files: str) -> Any:
                          f'or pip install {package}') from None
 
 
-# Documents.
-
-# By libyaml, where PyYAML has it, in a tenth of the time.
-_Loader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-
-
-class _PlainLoader(_Loader):  # type: ignore[misc] # one of two classes
-    """Reads the plain values of YAML 1.2, and rejects duplicate keys.
-
-    PyYAML's own loader (YAML 1.1) reads 3:00 as 180, 3_000 as 3000, 010 as 8 and 'no' as false, and
-    silently keeps the last of two equal keys.
-    """
-
-    yaml_implicit_resolvers: dict[Any, Any] = {}
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        seen = set()
-        for key, _ in node.value:
-            word = key.value if isinstance(key, yaml.ScalarNode) else None
-            if word in seen:
-                raise yaml.YAMLError(f'line {key.start_mark.line + 1}: {word!r} occurs twice')
-            seen.add(word)
-        return super().construct_mapping(node, deep)
-
-
-class _QuotingDumper(yaml.SafeDumper):
-    """Writes no references, and quotes what any version of YAML reads as a number, such as 3:00."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
-
-
-def _whole_number(loader: Any, node: Any) -> int:
-    return int(loader.construct_scalar(node))
-
-
-def _number(loader: Any, node: Any) -> float:
-    text = loader.construct_scalar(node).lower()
-    return float(text.replace('.inf', 'inf').replace('.nan', 'nan'))
-
-
-# The core schema of YAML 1.2.
-for _tag, _pattern, _first in (
-        ('bool', r'^(?:true|True|TRUE|false|False|FALSE)$', 'tTfF'),
-        ('int', r'^[-+]?[0-9]+$', '-+0123456789'),
-        ('float', r'^(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?'
-                  r'|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$', '-+0123456789.'),
-        ('null', r'^(?:~|null|Null|NULL|)$', ['~', 'n', 'N', ''])):
-    for _either in (_PlainLoader, _QuotingDumper):
-        _either.add_implicit_resolver(
-            f'tag:yaml.org,2002:{_tag}', re.compile(_pattern), list(_first))
-_PlainLoader.add_constructor('tag:yaml.org,2002:int', _whole_number)
-_PlainLoader.add_constructor('tag:yaml.org,2002:float', _number)
-
-
-def parse_yaml(text: str, where: object, long: bool = False) -> Any:
-    """Return the plain values of a YAML document; raises InputError if it is not valid.
-
-    What is nested deeply is refused, and so are references, a few of which fill the memory. In a
-    `long` document, which ROS wrote, they count as what they repeat. See `_PlainLoader` for all
-    others.
-    """
-    try:
-        # Anchor and number of values of each collection that is open; the numbers of closed ones.
-        inside: list[tuple[str | None, int]] = [(None, 0)]
-        repeated: dict[str | None, int] = {}
-        for event in yaml.parse(text, Loader=_Loader):
-            count = int(isinstance(event, yaml.ScalarEvent))
-            if isinstance(event, yaml.AliasEvent):
-                count = repeated.get(event.anchor, 1) if long else _MOST
-            elif isinstance(event, yaml.CollectionStartEvent):
-                repeated[event.anchor] = _MOST  # until it ends, it would hold itself
-                inside.append((event.anchor, 1))
-            elif isinstance(event, yaml.CollectionEndEvent):
-                anchor, count = inside.pop()
-                repeated[anchor] = count
-            inside[-1] = inside[-1][0], inside[-1][1] + count
-            if inside[-1][1] >= _MOST or len(inside) > _DEEPEST:
-                raise yaml.YAMLError('references (*) are not allowed' if isinstance(
-                    event, yaml.AliasEvent) else 'it holds too much, or is nested too deeply')
-        return yaml.load(text, Loader=_Loader if long else _PlainLoader)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f'{where}: not a YAML document: {one_line(error)}') from None
-
-
-def read_yaml(path: AnyPath, long: bool = False) -> Any:
+def read_yaml(path: AnyPath) -> Any:
     """Return the content of a YAML file, see `parse_yaml`; raises InputError if it is none."""
-    return parse_yaml(read_text(path, _LARGEST if long else _LARGEST // 20, True), path, long)
+    return parse_yaml(read_text(path), path)
 
 
 def parse_json(text: str, where: object) -> Any:
@@ -272,37 +182,13 @@ def read_xml(path: AnyPath) -> tuple[str, ElementTree.Element]:
 
 def to_yaml(document: Any) -> str:
     """Return plain values as a YAML document, with rows of numbers on one line."""
-    return str(yaml.dump(document, Dumper=_QuotingDumper, sort_keys=False, allow_unicode=True,
+    return str(yaml.dump(document, Dumper=QuotingDumper, sort_keys=False, allow_unicode=True,
                          width=96, default_flow_style=None))
-
-
-def dump_yaml(document: Any) -> str:
-    """Return plain values as a YAML document as ROS writes it, a line for each."""
-    return str(yaml.dump(document, Dumper=_QuotingDumper, sort_keys=False, allow_unicode=True))
 
 
 def encodable(text: str) -> str:
     r"""Return text for UTF-8: other bytes, as of file names, become escapes such as ``\udcfc``."""
     return text.encode('utf-8', 'backslashreplace').decode('utf-8')
-
-
-def plain(value: Any, not_finite: float | None = math.nan) -> Any:
-    """Convert nested values with numpy types, tuples and paths to types of YAML and JSON.
-
-    JSON has no NaN and no infinity: they become None if `not_finite` is None.
-    """
-    if isinstance(value, dict):
-        return {str(key): plain(item, not_finite) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item, not_finite) for item in value]
-    if hasattr(value, 'tolist'):
-        # A numpy array or scalar, recognised without importing numpy.
-        return plain(value.tolist(), not_finite)
-    if isinstance(value, os.PathLike):
-        return str(value)
-    if isinstance(value, float) and not_finite is None and not math.isfinite(value):
-        return None
-    return value
 
 
 # Out.
@@ -325,8 +211,9 @@ def write_atomically(path: AnyPath, content: str | bytes, sync: bool = True,
             with os.fdopen(handle, 'wb') as stream:
                 stream.write(data)
             return
-        _keep_input(path, is_model)
-        draft = path.with_name(f'.{_unique()}')
+        if not is_model:
+            _keep_input(path)
+        draft = path.with_name(f'.{os.urandom(12).hex()}')
         try:
             with draft.open('xb') as stream:
                 stream.write(data)
@@ -339,16 +226,16 @@ def write_atomically(path: AnyPath, content: str | bytes, sync: bool = True,
 
 
 def write_yaml(path: AnyPath, document: Any) -> None:
-    """Write a model, or other plain values, as YAML; raises InputError if it cannot be written."""
+    """Write a model as YAML; raises InputError if it cannot be written."""
     write_atomically(path, to_yaml(document), is_model=True)
 
 
-def _keep_input(path: Path, is_model: bool) -> None:
+def _keep_input(path: Path) -> None:
     """Raise InputError if a file is one that was read, and is still in its place."""
     with suppress(OSError):
         kind = path.stat()
-        read, document = _inputs.get((kind.st_dev, kind.st_ino), (None, False))
-        if read is not None and read.samefile(path) and not (document and is_model):
+        read = _inputs.get((kind.st_dev, kind.st_ino))
+        if read is not None and read.samefile(path):
             raise InputError(f'{path}: is the input itself')
 
 
@@ -389,11 +276,6 @@ def output_folder(path: Path) -> Iterator[Path]:
         made.clear()
 
 
-def _unique() -> str:
-    """Return a name that no file has."""
-    return os.urandom(12).hex()
-
-
 @contextmanager
 def _beside(path: Path) -> Iterator[tuple[Path, list[Path]]]:
     """Yield a hidden folder beside `path`, which is removed, and which folders were made for it.
@@ -401,7 +283,7 @@ def _beside(path: Path) -> Iterator[tuple[Path, list[Path]]]:
     These are removed, too, unless the list is emptied. Errors of the system name the path.
     """
     made = [folder for folder in path.parents if not folder.exists()]
-    unfinished = path.with_name(f'.unfinished.{_unique()}')
+    unfinished = path.with_name(f'.unfinished.{os.urandom(12).hex()}')
     try:
         unfinished.mkdir(parents=True)
         yield unfinished, made
@@ -411,11 +293,13 @@ def _beside(path: Path) -> Iterator[tuple[Path, list[Path]]]:
     finally:
         import shutil  # imported late: it takes long, and a single file needs none of it
 
-        shutil.rmtree(unfinished, ignore_errors=True)
-        # Without success, folders that were made are removed as well, the innermost first.
-        for folder in made:
-            with suppress(OSError):
-                folder.rmdir()
+        # A second signal must not end what the first one began.
+        with interrupts_deferred():
+            shutil.rmtree(unfinished, ignore_errors=True)
+            # Without success, folders that were made are removed as well, the innermost first.
+            for folder in made:
+                with suppress(OSError):
+                    folder.rmdir()
 
 
 def _move_content(unfinished: Path, path: Path) -> None:
@@ -425,7 +309,8 @@ def _move_content(unfinished: Path, path: Path) -> None:
         kind = 'folder' if source.is_dir() else 'file'
         if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
             raise InputError(f'{target}: exists and is no ordinary {kind}')
-        _keep_input(target, target.suffix == '.yaml')
+        if target.suffix != '.yaml':
+            _keep_input(target)
     for source in sources:
         target = path / source.relative_to(unfinished)
         if source.is_dir():
@@ -440,12 +325,10 @@ def check_folder(path: AnyPath) -> None:
     with os_errors_name(path, 'cannot be written to: '):
         while not folder.exists() and folder != folder.parent:
             folder = folder.parent
-        if not folder.is_dir():
-            raise InputError(f'{path}: cannot be written to: {folder} is not a folder')
         # Permissions are not sufficient: a file system may be full or read-only.
-        probe = folder / f'.{_unique()}'
-        with probe.open('xb'):
-            probe.unlink()
+        probe = folder / f'.{os.urandom(12).hex()}'
+        probe.open('xb').close()
+        probe.unlink()
 
 
 def check_file(path: AnyPath) -> None:

@@ -1,14 +1,16 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The files of a report in a folder: report.json and report.html."""
+"""Results as plain values, and the files of a report in a folder: report.json and report.html."""
 
 from __future__ import annotations
 
 import json
+import math
+import os
 from pathlib import Path
 from typing import Any, Protocol
 
-from friction_comp.files import encodable, plain
+from friction_comp.files import encodable
 
 # Version of the JSON that the tools write: increased when an entry is removed or changes its
 # meaning.
@@ -39,3 +41,22 @@ def to_json(content: dict[str, Any]) -> str:
     """
     values = {'version': REPORT_VERSION, **plain(content, not_finite=None)}
     return encodable(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)) + '\n'
+
+
+def plain(value: Any, not_finite: float | None = math.nan) -> Any:
+    """Convert nested values with numpy types, tuples and paths to types of YAML and JSON.
+
+    JSON has no NaN and no infinity: they become None if `not_finite` is None.
+    """
+    if isinstance(value, dict):
+        return {str(key): plain(item, not_finite) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item, not_finite) for item in value]
+    if hasattr(value, 'tolist'):
+        # A numpy array or scalar, recognised without importing numpy.
+        return plain(value.tolist(), not_finite)
+    if isinstance(value, os.PathLike):
+        return str(value)
+    if isinstance(value, float) and not_finite is None and not math.isfinite(value):
+        return None
+    return value

@@ -33,7 +33,7 @@ class Trajectory:
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
         """Read a message from a YAML file; raises InputError if it is not valid."""
-        document: Any = read_yaml(path, long=True)
+        document: Any = read_yaml(path)
         try:
             names = [str(name) for name in document['joint_names']]
             points = document['points']

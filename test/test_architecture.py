@@ -137,3 +137,32 @@ def test_what_runs_without_pytest_imports_nothing_from_the_tests():
         names = {node.module for node in imports_of(path) if isinstance(node, ast.ImportFrom)} | {
             alias.name for node in imports_of(path) for alias in node.names}
         assert not names & tests, path
+
+
+# What opens a file, and who may besides the door, `friction_comp.files`: for files of the package
+# itself or of the system, for drafts in folders that the door made, and for libraries to which the
+# door has shown the file.
+OPENING = {'open', 'read_text', 'read_bytes', 'write_text', 'write_bytes', 'File', 'ParquetFile',
+           'ZipFile', 'connect', 'genfromtxt', 'fromfile', 'memmap', 'parse', 'read_csv', 'loadmat',
+           'whosmat', 'TemporaryDirectory', 'NamedTemporaryFile', 'mkstemp', 'mkdtemp'}
+OPENERS = {
+    'arm/urdf.py', 'demo/processes.py', 'demo/ros_domain.py', 'files.py', 'recordings/storage.py',
+    'recordings/hdf5_file.py', 'recordings/item_names.py', 'recordings/table_files.py',
+    'reports/html.py', 'results.py', 'ros/output.py', 'ros/parameters.py', 'ros/ros_start.py',
+    'tables/table_files.py', 'terminal.py', 'tools/common.py', 'tools/refine_each.py',
+    'tools/reproduce.py'}
+
+
+def test_only_the_door_opens_files():
+    found = set()
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.Call):
+                called = node.func
+                name = getattr(called, 'attr', getattr(called, 'id', ''))
+                whose = ast.unparse(called).rpartition('.')[0]
+                loads = name in ('load', 'load_npz') and whose in ('np', 'json', 'pickle')
+                own = whose.startswith(('self.', 'parser', 'yaml')) or whose == 'Arguments'
+                if loads or (name in OPENING and not own):
+                    found.add(str(path.relative_to(PACKAGE)))
+    assert found - OPENERS == set()

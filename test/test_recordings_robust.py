@@ -171,7 +171,7 @@ def test_of_several_files_it_is_said_which_are_missing(tmp_path):
         (tmp_path / f'part{part}' / f'part{part}_0.mcap').rename(
             tmp_path / 'r' / f'r_{part}.mcap')
     about = (tmp_path / 'part0' / 'metadata.yaml').read_text().replace(
-        '- part0_0.mcap', '\n  '.join(f'- r_{part}.mcap' for part in range(4)), 1)
+        '[part0_0.mcap]', '[r_0.mcap, r_1.mcap, r_2.mcap, r_3.mcap]', 1)
     for part in range(4):
         (tmp_path / f'part{part}' / 'metadata.yaml').unlink()
     (tmp_path / 'r' / 'metadata.yaml').write_text(about)

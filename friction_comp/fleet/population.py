@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.files import plain
 from friction_comp.fleet.common_model import CommonModel, Compared
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.block_sums import BlockSums
+from friction_comp.results import plain
 from friction_comp.statistics import CONFIDENCE, student_quantile, student_tail
 
 # Fewest units that tell something about their spread, and the largest share of them that may be

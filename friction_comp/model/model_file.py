@@ -23,11 +23,12 @@ from friction_comp.checks import (
 )
 from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
-from friction_comp.files import plain, read_yaml, write_yaml
+from friction_comp.files import read_yaml, write_yaml
 from friction_comp.model.differentiation import settings_of
 from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.measured import Breakaway, INTERVALS, Presliding, Recorded, SIGNALS_OF_ROWS
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.results import plain
 
 FORMAT, ARM_FORMAT, VERSION = 'friction_comp_model', 'friction_comp_arm', 1
 # Sections of which any says that friction was measured: then Eq. 6 must not be missing.

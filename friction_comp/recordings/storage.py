@@ -28,7 +28,8 @@ from mcap.records import Channel, Chunk, Metadata, Schema
 import zstandard
 
 from friction_comp.errors import InputError, one_line
-from friction_comp.files import check_unpacked, open_input, parse_yaml, read_yaml, unpacked_file
+from friction_comp.files import check_unpacked, open_input, read_yaml, unpacked_file
+from friction_comp.plain_yaml import parse_yaml
 
 AnyPath = str | PathLike[str]
 Message = tuple[str, str, int, bytes]
@@ -121,7 +122,7 @@ class Storage:
                        key=lambda path: natural_key(path.name))
         listed = []
         try:
-            about = read_yaml(self.path / METADATA, long=True)['rosbag2_bagfile_information']
+            about = read_yaml(self.path / METADATA)['rosbag2_bagfile_information']
             # Only the names, in this folder: metadata must not point outside of it.
             listed = [self.path / PurePath(name).name for name in about['relative_file_paths']]
             self.add_custom(about)
@@ -174,7 +175,7 @@ def _read_mcap(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
                 about = Metadata.read(record)
                 if about.name == 'rosbag2':
                     storage.add_custom(parse_yaml(about.metadata.get(
-                        'serialized_metadata', ''), 'metadata', long=True) or {})
+                        'serialized_metadata', ''), 'metadata') or {})
 
 
 def _mcap_records(storage: Storage, stream: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:

@@ -18,7 +18,7 @@ import numpy as np
 from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.files import create, dump_yaml, new_folder, write_atomically
+from friction_comp.files import create, new_folder, to_yaml, write_atomically
 from friction_comp.recordings.storage import AnyPath, METADATA
 from friction_comp.samples import Samples
 from friction_comp.stamps import NANO
@@ -108,7 +108,7 @@ class RecordingWriter:
             profiles = list(qos) or [qos_profile()]
             self._channels[name] = self._mcap.register_channel(
                 name, 'cdr', self._schemas[type_name],
-                {'offered_qos_profiles': dump_yaml(profiles).strip()})
+                {'offered_qos_profiles': to_yaml(profiles).strip()})
             self._topics[name] = type_name, profiles
             self._counts[name] = 0
         return name
@@ -146,7 +146,7 @@ class RecordingWriter:
         self.flush()
         with self._closed_on_error():
             self._mcap.add_metadata(
-                'rosbag2', {'serialized_metadata': dump_yaml(self._metadata())})
+                'rosbag2', {'serialized_metadata': to_yaml(self._metadata())})
             self._mcap.finish()
             self._file.flush()
             self._file.close()
@@ -197,7 +197,7 @@ class RecordingWriter:
         }
 
     def _save_metadata(self, sync: bool = True) -> None:
-        write_atomically(self.path / METADATA, dump_yaml(
+        write_atomically(self.path / METADATA, to_yaml(
             {'rosbag2_bagfile_information': self._metadata()}), sync)
 
 
