@@ -19,8 +19,8 @@ import friction_comp
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.control.compensation_loop import CompensationLoop
 from friction_comp.control.faults import Faults
+from friction_comp.control.inputs import Direction, MotorTemperature
 from friction_comp.control.joint_states import CONTESTED, JointStateInput, MALFORMED, NEW, PART
-from friction_comp.control.slow_inputs import Direction, MotorTemperature
 
 SECOND = 1_000_000_000
 
@@ -237,7 +237,7 @@ def test_a_joint_state_passes_few_files_on_its_way_to_the_port():
         sys.setprofile(None)
     # From Python 3.12 on, compiled code does not show.
     assert files - {'law_kernel'} == {
-        'compensation_loop', 'inputs', 'joint_states', 'watchdog', 'slow_inputs', 'law'}
+        'compensation_loop', 'inputs', 'joint_states', 'watchdog', 'law'}
 
 
 def test_a_late_or_repeated_state_changes_nothing():
@@ -331,29 +331,13 @@ def test_old_states_tell_an_overloaded_machine_from_another_clock():
     assert 'clocks' not in wrong(agreed, late, fresh)
 
 
-def test_an_impossible_temperature_is_passed_over_with_a_word():
-    desk = Desk()
-    desk.inputs.take_temperature('elbow', 30.0, 0, 99 * SECOND)
-    for value in (-300.0, math.inf):
-        desk.inputs.take_temperature('elbow', value, 0, 100 * SECOND)
-        assert 'impossible' in desk.faults.worst[1]
-    desk.time += 1e-3
-    desk.state()
-    assert desk.inputs.temperature.tolist() == [30.0]
-
-
-def test_temperatures_without_joint_states_do_not_accumulate():
-    temperature = MotorTemperature(['elbow'])
-    for k in range(10_000):
-        temperature.take('elbow', 30.0 + 1e-3 * k, k)
-    assert len(temperature._pending) <= 100
-    assert temperature.before(10_000)[0] == pytest.approx(39.999)
-
-
-def test_a_temperature_without_a_stamp_has_that_of_the_newest_state():
+def test_a_temperature_has_the_stamp_of_the_newest_state_and_an_impossible_one_is_passed_over():
     desk = Desk()
     desk.state()
     desk.inputs.take_temperature('elbow', 30.0, 0, 1)
+    for value in (-300.0, math.inf):
+        desk.inputs.take_temperature('elbow', value, 0, 1)
+        assert 'impossible' in desk.faults.worst[1]
     desk.time += 1e-3
     desk.state()
     assert desk.inputs.temperature.tolist() == [30.0]

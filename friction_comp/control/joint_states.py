@@ -22,8 +22,6 @@ AHEAD = 'ahead'     # stamped in the future by more than the timeout
 MALFORMED = 'malformed'  # arrays of different lengths, or a joint named twice
 CONTESTED = 'contested'  # several publishers publish the same joint
 
-# Largest number of different sets of names; more than any robot has publishers.
-_MAX_SOURCES = 100
 # ns for which no joint state is used after two publishers sent the same joint.
 _CONTESTED_FOR = NANO
 
@@ -148,7 +146,7 @@ class JointStateInput:
         if self._malformed(message, len(names)):
             return MALFORMED
         restarted = stamp < last
-        if restarted or len(self._last) > _MAX_SOURCES:
+        if restarted:
             self._last.clear()
         self._last[names] = stamp
         self._clocks_agree = self._clocks_agree or has_stamp
