@@ -24,6 +24,17 @@ STARTS = {'compensation': {'compensator'}, 'identification': {'identification'},
           'simulation': {'plant', 'compensator', 'exercise'}}
 
 
+RUN = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+service = LaunchService()
+service.include_launch_description(LaunchDescription([IncludeLaunchDescription(
+    sys.argv[1], launch_arguments=[word.split(':=') for word in sys.argv[2:]])]))
+sys.exit(service.run())
+"""
+
+
 def description(path):
     spec = importlib.util.spec_from_file_location(path.stem.replace('.', '_'), path)
     module = importlib.util.module_from_spec(spec)
@@ -61,18 +72,6 @@ def prefix(tmp_path_factory):
 
 @pytest.mark.parametrize('name', sorted(STARTS))
 def test_starts_its_nodes_and_ends_them_on_an_interrupt(prefix, tmp_path, name):
-    script = tmp_path / 'run.py'
-    script.write_text(
-        'import sys\nfrom launch import LaunchService\n'
-        'from launch.actions import IncludeLaunchDescription\n'
-        'from launch.launch_description_sources import PythonLaunchDescriptionSource\n'
-        'from launch import LaunchDescription\n'
-        'arguments = dict(a.split(":=") for a in sys.argv[2:])\n'
-        'service = LaunchService()\n'
-        'service.include_launch_description(LaunchDescription([IncludeLaunchDescription(\n'
-        '    PythonLaunchDescriptionSource(sys.argv[1]),\n'
-        '    launch_arguments=arguments.items())]))\n'
-        'sys.exit(service.run())\n')
     with own_domain(), probe_node() as probe:
         environment = dict(
             os.environ, PYTHONPATH=os.pathsep.join([str(ROOT), *sys.path]),
@@ -80,7 +79,7 @@ def test_starts_its_nodes_and_ends_them_on_an_interrupt(prefix, tmp_path, name):
             ROS_LOG_DIR=str(tmp_path / 'log'))
         log = (tmp_path / 'out.txt').open('w')
         process = subprocess.Popen(
-            [sys.executable, str(script), str(ROOT / 'launch' / f'{name}.launch.py'),
+            [sys.executable, '-c', RUN, str(ROOT / 'launch' / f'{name}.launch.py'),
              "joints:=['elbow']", f"model_files:=['{MODELS[0]}']", 'log_level:=warn',
              # On a busy machine, nodes may take longer than launch waits by itself.
              'sigterm_timeout:=60', 'sigkill_timeout:=60'],
