@@ -6,6 +6,7 @@ Which input is valid, and for how long, and what the loop makes of them on a clo
 moves.
 """
 
+from dataclasses import replace
 import math
 from pathlib import Path
 import sys
@@ -16,11 +17,13 @@ import numpy as np
 import pytest
 
 import friction_comp
+from friction_comp.compensation.feed_forward import feed_forward
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.control.compensation_loop import CompensationLoop
 from friction_comp.control.faults import Faults
 from friction_comp.control.inputs import Direction, MotorTemperature
 from friction_comp.control.joint_states import CONTESTED, JointStateInput, MALFORMED, NEW, PART
+from friction_comp.control.model_trial import Loaded
 
 SECOND = 1_000_000_000
 
@@ -119,6 +122,16 @@ def test_joints_are_found_by_name_whatever_is_said_of_others():
         assert states.take(
             joint_state(SECOND, ['elbow', 'wrist'], [0.1, 0.2], velocity), SECOND) == NEW
         assert states.velocity is None
+
+
+@pytest.mark.parametrize(('notes', 'told'), [
+    ({}, []), ({'warnings': ['It falls.']}, ['identification says: It falls']),
+    ({'verdict': 'trust in part', 'reasons': ['It falls.'], 'warnings': ['old']},
+     ['refine says `trust in part`: It falls']),
+    ({'verdict': 'record again'}, ['refine says `record again`: it says no reason'])])
+def test_what_its_file_says_against_a_model_is_told(notes, told):
+    model = replace(note_model(1), notes=notes)
+    assert Loaded(model, feed_forward(model)).told() == told
 
 
 class Port:
