@@ -159,8 +159,10 @@ def number_texts(found: float, ends: Sequence[float] | None, unit: str) -> tuple
         return f'{number(found)} {unit}', ''
     half = 0.5 * (ends[1] - ends[0])
     # A second digit of the interval's half only where the first is small.
-    size = math.floor(math.log10(half / 3.0)) if half > 0.0 else -3
-    places = int(min(max(-size, 0), 9))
+    wanted = -math.floor(math.log10(half / 3.0)) if half > 0.0 else 3
+    # No more than four digits, also where there is no noise.
+    most = 3 - math.floor(math.log10(max(abs(found), half, 1e-9)))
+    places = max(min(wanted, most), 0)
     low, middle, high = (f'{one:.{places}f}'.replace('-', '\u2212')
                          for one in (ends[0], found, ends[1]))
     return f'{middle} {unit}', f'{low} to {high}'
@@ -303,7 +305,7 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
     page.numbers([(value(key, text), name) for key, name, text in errors(report)])
     page.bullets(report.reasons[1:], 'Also:')
     page.text(f'Cannot be judged: {", ".join(not_judged(report))}.')
-    page.text('; '.join(reading(report)).replace('--unit', '`--unit`'))
+    page.text('; '.join(reading(report)))
     page.table(['friction', 'value', '95 % interval'], number_rows(
         friction_rows(report.friction)))
     effects = effect_rows(report)
