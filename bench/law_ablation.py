@@ -19,33 +19,28 @@ import tempfile
 from bench_tools import processes, table_parser
 from law_table import bank_of, FLOORS, WORLDS
 
-PARAMETERS = 'friction_comp.compensation.law_parameters.'
-OPERATOR = 'friction_comp.compensation.friction_operator.'
-KERNEL = 'friction_comp.compensation.law_kernel.'
+LAW = 'friction_comp.compensation.'
+OPERATOR, SAFETY = LAW + 'tank_operator.', LAW + 'safety.'
 # What is set to switch a rule off.
 RULES = {
     'as it is': {},
-    'slope limit': {PARAMETERS + 'TURN_TIME': 1e-9},
-    'lead speed': {PARAMETERS + 'LEAD_SPEED': math.inf},
-    'lead time': {PARAMETERS + 'LEAD_TIME': 1e-3},
-    'savings': {PARAMETERS + 'SAVING': math.inf},
-    'slowing down': {PARAMETERS + 'TURN_SHARE': 1e-9},
-    'turn told by the push': {OPERATOR + 'PUSHED': math.inf},
-    'pushed against the preload': {PARAMETERS + 'AGAINST': math.inf},
-    'known presliding': {PARAMETERS + 'KNOWN_COUNTS': math.inf},
-    'start at breakaway friction': {PARAMETERS + 'START_DISTANCE': 1e-6},
-    'withheld while speed changes': {PARAMETERS + 'LEAST_CHANGING': 1.0},
-    'start of a movement': {PARAMETERS + 'START_TIME': 1e-3},
-    'slip': {PARAMETERS + 'LOWERED': 1.0},
-    'early slip': {PARAMETERS + 'EARLY': 1.0},
-    'faster though nobody pushes': {OPERATOR + 'FASTER': math.inf},
-    'least trust': {PARAMETERS + 'LEAST_TRUST': 0.0},
-    'taken back beyond the identified speeds': {KERNEL + 'TAKEN_DISTANCE': math.inf},
-    'a way of somebody in a hurry': {PARAMETERS + 'HURRIED_WAY': 0.0},
-    'changed announcement at rest': {OPERATOR + 'PATIENCE': 0.0},
-    'fade': {PARAMETERS + 'FADE_FROM': 1e6, PARAMETERS + 'FADE_TO': 1e7},
-    'bound on the current': {PARAMETERS + 'BOUND': 1e6},
-    'filter of the speed': {KERNEL + 'FILTER_TIME': 1e-6},
+    'tank: the slid way pays': {OPERATOR + 'FILL': 0.0},
+    'tank: rest pays': {OPERATOR + 'REFILL': math.inf},
+    'wish before the turn': {OPERATOR + 'TURN_SHARE': 1e-9},
+    'heading as soon as a rested joint moves': {OPERATOR + 'NOTICE': 1.0},
+    'play of the operator': {OPERATOR + 'PLAY': 0.0},
+    'lead speed': {OPERATOR + 'LEAD_SPEED': math.inf},
+    'lead time': {OPERATOR + 'LEAD_TIME': 1e-3},
+    'early slip': {OPERATOR + 'EARLY': 1.0},
+    'later slip': {OPERATOR + 'LATER': 1.0},
+    'start at breakaway friction': {LAW + 'law_kernel.STARTS': 1e-6},
+    'withheld of a long way': {LAW + 'law_kernel.LATE': 0.0},
+    'reported velocity': {LAW + 'law_kernel.AGREE_SHARE': -1.0},
+    'filter of the speed': {LAW + 'law_kernel.FILTER_TIME': 1e-6},
+    'slope limit': {SAFETY + 'TURN_TIME': 1e-9},
+    'fade': {SAFETY + 'FADE_FROM': 1e6, SAFETY + 'FADE_TO': 1e7},
+    'trust beyond the identified speeds': {SAFETY + 'TAKEN': math.inf},
+    'a way of somebody in a hurry': {SAFETY + 'HURRIED_WAY': 0.0},
 }
 # Short names of the floors' rows, by what they begin with; the others are not printed.
 COLUMNS = {
@@ -85,8 +80,7 @@ def main():
 def without(rule, options):
     """Yield each world and its figures, by column, with a rule switched off."""
     with tempfile.TemporaryDirectory() as cache:
-        if any(not name.startswith(PARAMETERS) for name in RULES[rule]):
-            os.environ['NUMBA_CACHE_DIR'] = cache
+        os.environ['NUMBA_CACHE_DIR'] = cache
         try:
             with processes(options.workers, initializer=switch_off, initargs=(rule,)) as pool:
                 jobs = [(world, floor, options.models, options.seed, options.draws)

@@ -1,18 +1,26 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The continuous law: passive on every path, also with gears and people other than modelled."""
+"""The continuous law: passive on every path, and what a hand, a gear and a planner get from it."""
 
 from dataclasses import replace
+import importlib
 import math
 
 from helpers import drive_along
 from hypothesis import given, settings, strategies as st
+import law_ablation
 import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
-from friction_comp.compensation.law_kernel import END_MARGIN
-from friction_comp.compensation.law_parameters import knows_presliding, LONGER, START_TIME
+from friction_comp.compensation.law_kernel import LATE
+from friction_comp.compensation.law_parameters import (
+    knows_presliding,
+    LARGEST_SHARE,
+    LEAST_SHARE,
+    SHARE,
+)
+from friction_comp.compensation.tank_operator import EARLY, FILL, LATER, PLAY, REFILL
 from friction_comp.model.effects.history_effects import Hysteresis
 from friction_comp.model.friction_model import Presliding
 from friction_comp.model.measured import Recorded
@@ -23,6 +31,7 @@ from simulated_recordings.small_model import LEVEL, small_model
 
 DEGREE = math.pi / 180.0
 COUNT = 2.0 * math.pi / 400_000
+GAINS = 0.0, 0.25, 0.5, 0.75, 0.9
 
 
 def maxwell_slip(path, shares, distances):
@@ -36,36 +45,37 @@ def maxwell_slip(path, shares, distances):
     return force
 
 
-@given(seed=st.integers(0, 10 ** 6), factor=st.floats(0.7, 1.1), share=st.floats(0.05, 1.0),
-       longest=st.floats(1e-4, 3e-4), size=st.floats(0.2, 20.0), speed=st.floats(0.01, 0.3),
-       std=st.sampled_from([None, 1e-5]), end=st.sampled_from([math.nan, -0.5, 0.0, 0.5]))
-def test_over_closed_paths_the_law_gives_less_energy_than_the_gear_dissipates(
-        seed, factor, share, longest, size, speed, std, end):
-    """Random to and fro, through the encoder, friction over-estimated by a tenth at most.
-
-    Also about the place where nothing pushes outwards any more, beyond the end of a movement.
-    """
+@given(seed=st.integers(0, 10 ** 6), factor=st.floats(0.7, 1.08), share=st.floats(0.05, 1.0),
+       longest=st.floats(1e-4, 9e-4), size=st.floats(0.2, 60.0), speed=st.floats(0.01, 0.3),
+       rest=st.sampled_from([0.0, 0.05, 0.4]), announced=st.sampled_from([-1, 0, 1, None]))
+def test_what_the_law_gives_is_what_the_gear_takes_and_a_bounded_amount(
+        seed, factor, share, longest, size, speed, rest, announced):
+    """The bound of docs/law_proof.md: on any path, whatever is announced, through the encoder."""
     rng = np.random.default_rng(seed)
-    turns = np.concatenate(([0.0], longest * size * rng.uniform(-1.0, 1.0, 12), [0.0]))
-    times = np.cumsum(np.abs(np.diff(turns, prepend=0.0))) / speed
-    path = np.interp(np.arange(0.0, times[-1], 1e-3), times, turns)
-    # The same loop again and again: what is stored at the beginning counts once.
-    path = np.tile(path, 3)
+    turns = np.concatenate(([0.0], longest * size * rng.uniform(-1.0, 1.0, 10), [0.0]))
+    times = np.cumsum(np.abs(np.diff(turns, prepend=0.0)) / speed + rng.choice([0.0, rest], 12))
+    path = np.tile(np.interp(np.arange(0.0, times[-1], 1e-3), times, turns), 3)
     shares = np.array([share, 1.0 - share])
     gear = maxwell_slip(path, shares, (longest, rng.uniform(0.1, 1.0) * longest))
-    model = replace(small_model(factor=factor), presliding=Presliding(3e-4, std=std))
-    law = CompensationLaw([model])
-    law.update(-1e-3, [0.0], None, [1.0], end=[end * longest * size - END_MARGIN])
-    current = drive_along(law, np.round(path / COUNT) * COUNT, 0)
+    law = CompensationLaw([replace(
+        small_model(factor=factor), presliding=Presliding(3e-4, std=1e-5))])
+    directions = (np.full(len(path), announced) if announced is not None
+                  else np.repeat(rng.integers(-1, 2, len(path) // 150 + 1), 150)[:len(path)])
+    current = drive_along(law, np.round(path / COUNT) * COUNT, directions)
     steps = np.diff(path)
     given_back = np.cumsum(current[:-1] * steps)
     taken = np.cumsum(0.5 * (gear[1:] + gear[:-1]) * steps)
-    # What both may hold at most, and one sample of travel against a current that is a sample old.
-    stored = 0.5 * LEVEL * (LONGER * 3e-4 + longest) * 1.2 + 2.0 * LEVEL * speed * 1e-3
-    assert np.max(given_back - taken) <= stored
-    loop = len(path) // 3
-    assert given_back[-1] - given_back[-loop - 1] <= (
-        taken[-1] - taken[-loop - 1]) + 2.0 * LEVEL * speed * 1e-3
+    level, distance = SHARE * factor * LEVEL, law.parameters['distance'][0]
+    reversal = 2.0 * (distance + PLAY * distance + COUNT)
+    rested = np.abs(np.diff(path, prepend=0.0)).astype(bool).size - np.count_nonzero(steps)
+    fills = 1.0 + 1e-3 * (rested + 300.0 * np.count_nonzero(np.diff(directions))) / REFILL
+    # A gear that yields farther than R gives back at each turn what the element does not hold.
+    farther = 2.0 * max(0.0, longest - distance) * (3 * 12 + np.count_nonzero(np.diff(directions)))
+    # A current is a sample old, and a count off.
+    late = 2.0 * speed * 1e-3 * 36 + 2.0 * COUNT * 36
+    bound = level * (0.5 * distance + reversal * fills + farther + late) + 0.5 * LEVEL * longest
+    assert level * (1.0 + FILL) <= LEVEL
+    assert np.max(given_back - taken) <= bound
 
 
 @settings(max_examples=6)
@@ -91,6 +101,116 @@ def test_slow_reversals_of_the_gear_are_not_compensated_early(seed, distance, er
     assert np.sum(current[:-1][last] * steps) <= taken + 4.0 * LEVEL * speed * 1e-3
 
 
+def test_announcements_that_flicker_at_rest_are_paid_by_the_tank():
+    """Nothing but rest fills it, so that no planner shakes a joint for long."""
+    time = 1e-3 * np.arange(4000)
+    for period in (0.2, 0.4):
+        law = CompensationLaw([small_model()])
+        current = drive_along(law, np.zeros(4000), np.where(time % period < 0.5 * period, 1, -1))
+        assert np.abs(np.diff(current)).max() < 0.02 * LEVEL
+
+
+def test_who_pushes_against_the_preload_is_not_held_by_it():
+    """Within a fifth of R, where displacement alone would take off a tenth; led again at rest."""
+    law = CompensationLaw([small_model()])
+    assert drive_along(law, np.zeros(700))[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
+    pushed = -0.2 * law.parameters['distance'][0]
+    current = drive_along(law, np.linspace(0.0, pushed, 100), begin=700)
+    assert (np.diff(current) <= 1e-12).all()
+    rests = drive_along(law, np.full(500, pushed), begin=800)
+    assert rests[70:100].max() <= 0.01 * LEVEL
+    assert rests[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
+
+
+def test_a_flicker_of_one_count_does_not_take_the_preload():
+    law = CompensationLaw([small_model()])
+    drive_along(law, np.zeros(700))
+    flicker = drive_along(law, -COUNT * (np.arange(600) // 7 % 2), begin=700)
+    np.testing.assert_allclose(flicker, 0.9 * LEVEL, rtol=2e-2)
+
+
+def test_a_joint_at_rest_has_its_preload_within_a_sixth_of_a_second():
+    """So that an announcement that comes with the push is of use."""
+    law = CompensationLaw([small_model()])
+    drive_along(law, np.zeros(500), direction=0)
+    current = drive_along(law, np.zeros(170), begin=500)
+    assert current[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
+
+
+def slip(law, places, after=150):
+    """Let a joint give way under its preload and go on along the places, from the last one.
+
+    The whole preload is there 100 ms after the announcement; here a slip within 125 ms is early.
+    """
+    drive_along(law, np.zeros(500), direction=0)
+    preloading = np.concatenate((np.zeros(after), np.linspace(0.0, 1e-3, 30)))
+    drive_along(law, preloading, begin=500)
+    assert law.guards['taken back'][0] > 0.05
+    return drive_along(law, 1e-3 + np.asarray(places), begin=500 + len(preloading))
+
+
+def test_a_preload_lost_by_a_slip_is_not_regained_by_creeping():
+    law = CompensationLaw([small_model()])
+    assert slip(law, np.zeros(600))[-1] == pytest.approx(LATER ** 2 * 0.9 * LEVEL, rel=0.02)
+    current = drive_along(law, 1e-3 + np.linspace(0.0, 2.4e-4, 1200), begin=1280)
+    assert current.max() <= LATER ** 2 * 0.9 * LEVEL * 1.02
+
+
+@pytest.mark.parametrize('after', [85, 100])
+def test_a_drive_that_slips_early_gets_less_and_each_movement_restores_some(after):
+    """It lost friction: trust is kept from rest to rest."""
+    law = CompensationLaw([small_model()])
+    stopped = slip(law, np.zeros(600), after)[-1]
+    assert 0.5 * LEVEL < stopped < 1.001 * EARLY * 0.9 * LEVEL
+    carried = 1e-3 + np.concatenate((np.linspace(0.0, 0.3, 1000), np.full(800, 0.3)))
+    current = drive_along(law, carried, begin=1130 + after)
+    assert stopped < current[1000:].max() < stopped + 1.01 * (1.0 - LATER) * 0.9 * LEVEL
+    assert law.guards['taken back'][0] > 0.15
+
+
+def test_a_person_who_keeps_pushing_regains_what_a_slip_took():
+    law = CompensationLaw([small_model()])
+    time = np.arange(400) * 1e-3
+    current = slip(law, 0.03 * time + 0.5 * 0.8 * time ** 2)
+    assert current.min() < 1.001 * LATER * 0.9 * LEVEL
+    assert current[-1] == pytest.approx(0.9 * LEVEL, rel=0.03)
+    assert law.guards['taken back'][0] == 0.0
+
+
+def test_a_joint_that_creeps_from_rest_to_rest_under_its_preload_slips():
+    law = CompensationLaw([small_model()])
+    places = np.interp(np.arange(5000), [1000, 1050, 2000, 2050, 3000, 3050],
+                       law.parameters['slip'][0] * np.array([0.0, 0.7, 0.7, 1.4, 1.4, 2.1]))
+    current = drive_along(law, places)
+    assert current[-1] == pytest.approx(LATER * current[1900], rel=1e-6)
+
+
+@pytest.mark.parametrize('backlash', [None, 3e-3])
+def test_a_motor_that_moves_through_known_backlash_has_not_slipped(backlash):
+    model = replace(small_model(), presliding=Presliding(3e-4, std=3e-5, backlash=backlash))
+    law = CompensationLaw([model])
+    drive_along(law, np.zeros(500), direction=0)
+    drive_along(law, np.interp(np.arange(700), [50, 300], [0.0, 2.5e-3]), begin=500)
+    assert bool(law.guards['taken back'][0]) is (backlash is None)
+
+
+@pytest.mark.parametrize('felt', [1, -1, 0])
+def test_a_slip_under_a_push_that_a_sensor_feels_is_none(felt):
+    law = CompensationLaw([small_model()])
+    drive_along(law, np.zeros(500), direction=0)
+    drive_along(law, np.zeros(50), begin=500)
+    drive_along(law, np.linspace(0.0, 5e-3, 50), 1, begin=550, is_pushed=felt == 1)
+    assert bool(law.guards['taken back'][0]) is (felt != 1)
+
+
+def test_without_a_direction_a_joint_at_rest_gets_nothing():
+    """Whichever way it came, and without breakaway currents with a direction too."""
+    for model, direction in ((small_model(), 0), (replace(small_model(), breakaway=None), 1)):
+        places = 3e-4 * np.minimum(np.arange(2000), 500)
+        assert drive_along(CompensationLaw([model]), places, direction)[-1] == pytest.approx(
+            0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize(('std', 'most'), [(3e-5, 2.0), (None, 3.5)])
 def test_a_turn_after_a_long_way_costs_the_hand_friction_alone_and_help_is_soon_back(std, most):
     """Not announced: what helped is gone at the turn, and back in 2 R; later if R is uncertain."""
@@ -105,33 +225,39 @@ def test_a_turn_after_a_long_way_costs_the_hand_friction_alone_and_help_is_soon_
     assert places[turn] - places[back] < most * law.parameters['distance'][0]
 
 
-def test_help_at_a_turn_is_paid_by_the_way_before():
-    """Short ways leave the operator as it is: it reverses over 2 R, whoever pushes."""
-    law = CompensationLaw([small_model()])
-    distance = law.parameters['distance'][0]
-    short, time = 2.5 * distance, 1e-3 * np.arange(4000)
-    places = short * (1.0 - np.cos(2.0 * math.pi * 4.0 * time))
-    current = drive_along(law, places, 0)
-    steps = np.diff(places)[-1000:]
-    operator = np.zeros(len(places))
-    z = 0.0
-    for k in range(1, len(places)):
-        z = min(1.0, max(-1.0, z + (places[k] - places[k - 1]) / distance))
-        operator[k] = 0.9 * LEVEL * z
-    given = np.sum(current[-1001:-1] * steps)
-    saved = 0.1 * LEVEL * np.sum(np.abs(steps))
-    assert given <= np.sum(operator[-1001:-1] * steps) + saved
+def test_help_is_given_back_once_a_way():
+    """Else a heavy joint that a stiff hand leads stops and goes for the whole of its way."""
+    law, time = CompensationLaw([small_model()]), 1e-3 * np.arange(4000)
+    slows = np.interp(time, [0.0, 0.2, 1.0, 1.1, 1.15, 1.3], [0.0, 0.3, 0.3, 0.01, 0.01, 0.3])
+    once = drive_along(law, 1e-3 * np.cumsum(slows[:2000]), direction=0)
+    assert once[1140] < 0.7 * LEVEL
+    slows = np.interp(time, [0.0, 0.1, 0.15, 0.3], [0.3, 0.01, 0.01, 0.3])
+    twice = drive_along(law, 1e-3 * (slows[:1000].cumsum() + 1e3 * 0.0) + 1e-3 * np.interp(
+        time, [0.0, 0.2, 1.0, 1.1, 1.15, 1.3], [0.0, 0.3, 0.3, 0.01, 0.01, 0.3])[:2000].sum(),
+        direction=0, begin=2000)
+    assert twice[50:].min() > 0.8 * LEVEL
 
 
-def test_a_moment_without_an_announcement_changes_nothing():
-    """At rest and in motion: a planner passes through 0."""
-    for places in (np.zeros(2000), np.maximum(0.0, 3e-4 * (np.arange(2000) - 900))):
-        directions = np.ones(2000)
-        steady = drive_along(CompensationLaw([small_model()]), places, directions)
-        directions[1200:1300] = 0.0
-        np.testing.assert_allclose(
-            drive_along(CompensationLaw([small_model()]), places, directions), steady,
-            atol=1e-9)
+@pytest.mark.parametrize('reported', [0.0, 3.0, math.nan, math.inf])
+def test_a_velocity_that_does_not_lead_to_the_positions_is_not_used(reported):
+    places = 3e-4 * np.arange(800)
+    wrong, none = (drive_along(CompensationLaw([small_model()]), places, 0, velocity=velocity)
+                   for velocity in (reported, None))
+    np.testing.assert_allclose(wrong, none, atol=1e-3 * LEVEL)
+
+
+def test_the_share_follows_what_the_model_says_of_its_certainty():
+    for unknown, share in ((None, SHARE), (0.0, LARGEST_SHARE), (0.05, 0.9), (0.5, LEAST_SHARE)):
+        law = CompensationLaw([replace(small_model(), uncertainty=unknown)])
+        assert law.guards['share'] == pytest.approx([share])
+        assert drive_along(law, 3e-4 * np.arange(400))[-1] == pytest.approx(share * LEVEL, rel=0.01)
+
+
+def test_every_rule_that_the_ablation_switches_off_is_one_of_the_law():
+    for rule, constants in law_ablation.RULES.items():
+        for path in constants:
+            module, _, name = path.rpartition('.')
+            assert hasattr(importlib.import_module(module), name), rule
 
 
 def slow_push():
@@ -147,7 +273,7 @@ def test_a_push_that_nobody_announced_is_helped_from_its_first_displacement(pres
     """The more, the better presliding is known."""
     model = replace(small_model(), presliding=presliding)
     distance = float(law_parameters(model)['distance'][0]) - 2.0 * COUNT
-    assert distance == pytest.approx(presliding.distance * LONGER if not known
+    assert distance == pytest.approx(1.5 * presliding.distance if not known
                                      else presliding.distance + presliding.std)
     way = presliding.distance * slow_push()
     helped = drive_along(CompensationLaw([model]), np.floor(way / COUNT) * COUNT, 0)[-1]
@@ -158,17 +284,6 @@ def test_presliding_that_the_encoder_does_not_resolve_is_not_known():
     for counts, known in ((1.9, False), (2.1, True)):
         assert knows_presliding(replace(
             small_model(), presliding=Presliding(counts * COUNT, std=0.5 * COUNT))) == known
-
-
-def test_a_hand_that_trembles_at_rest_does_not_spoil_the_push():
-    """The hand of who waits moves the joint by some counts, without an announcement."""
-    distance = 3e-4
-    model = replace(small_model(), presliding=Presliding(distance, std=3e-5))
-    way = distance * slow_push()
-    helped = [drive_along(CompensationLaw([model]),
-                          way + tremor * np.sin(0.06 * np.arange(len(way))), 0)[-1]
-              for tremor in (0.0, 0.15 * distance)]
-    assert helped[1] > 0.8 * helped[0] > 0.4 * LEVEL
 
 
 @pytest.fixture(scope='module')
@@ -199,7 +314,6 @@ def test_overestimated_friction_is_noticed_and_reduced(gears):
     fastest = log['link_speed'].max(axis=1)
     assert fastest.max() < 125.0 * DEGREE
     assert np.all(guards['trust'][fastest > 101.0 * DEGREE] < 0.9)
-    assert np.all(guards['overspeed'][fastest > 101.0 * DEGREE] > 0.0)
 
 
 def test_an_untouched_joint_stays(gears):
@@ -225,9 +339,6 @@ def test_most_of_frictions_part_of_the_peak_is_taken_away_and_nothing_vibrates(g
             at_rest = log['rotor_speed'][:, 1500:2000]
     assert np.median(torque['continuous'] / torque['none']) < 0.22
     assert at_rest.std(axis=1).max() < 0.2 * DEGREE
-
-
-GAINS = 0.0, 0.25, 0.5, 0.75, 0.9
 
 
 @pytest.mark.parametrize('gain', GAINS)
@@ -268,7 +379,7 @@ def test_who_moves_against_the_announcement_starts_no_harder_than_without_help(g
                            [law_parameters(g.model, law) for g in gears], reference,
                            released=10 ** 9)
         peaks[law] = np.abs(log['interaction_torque'])[:, 2000:2600].max(axis=1)
-    assert np.median(peaks['continuous'] / peaks['none']) < 0.8
+    assert np.median(peaks['continuous'] / peaks['none']) < 0.85
 
 
 @pytest.mark.parametrize('spoil', [
@@ -297,7 +408,7 @@ def test_position_limits_end_softly():
     model = replace(small_model(), position_limits=(-1.0, 1.0))
     within, beyond = (drive_along(CompensationLaw([model]), start + 3e-4 * np.arange(1000))[-1]
                       for start in (-0.3, 0.8))
-    assert within == pytest.approx(0.9 * LEVEL, rel=0.01)
+    assert within == pytest.approx((SHARE - LATE) * LEVEL, rel=0.01)
     assert beyond == 0.0
 
 
@@ -305,7 +416,6 @@ def test_faster_than_identified_nothing_is_fed_forward():
     law = CompensationLaw([small_model()])
     assert drive_along(law, 2.7e-3 * np.arange(1000))[-1] == 0.0
     assert law.guards['taken back'][0] > 0.4
-    assert law.guards['beyond identified speeds'][0] > 0.5
 
 
 def test_a_hurried_movement_costs_no_help_and_a_joint_that_goes_on_and_on_is_trusted_less():
@@ -314,7 +424,6 @@ def test_a_hurried_movement_costs_no_help_and_a_joint_that_goes_on_and_on_is_tru
     there = step * np.arange(turn)
     hurry, runaway = CompensationLaw([small_model()]), CompensationLaw([small_model()])
     drive_along(hurry, np.tile(np.concatenate([there, there[::-1]]), 3), direction=0)
-    assert hurry.guards['beyond identified speeds'][0] > 1.0
     assert hurry.guards['taken back'][0] == 0.0
     drive_along(runaway, step * np.arange(6 * turn), direction=0)
     assert runaway.guards['taken back'][0] == pytest.approx(0.5)
@@ -326,14 +435,6 @@ def test_a_recording_of_faster_motion_counts_as_identified():
         2.4e-3 * np.arange(400), direction=0)[-1] for top in (1.0, 2.5))
     assert fast == pytest.approx(0.9 * LEVEL, rel=0.01)
     assert slow < 0.5 * LEVEL
-
-
-def test_a_joint_on_friction_below_its_model_by_more_than_the_share_stops_gaining_speed(gears):
-    """In the model it is 1.14 times as large: more is fed forward than the gear takes."""
-    log, _ = let_go(gears, 1.14, 20.0, 1.0)
-    speed, started = log['link_speed'], round(1e3 * (START_TIME + 0.5))
-    assert np.all(speed[:, started:].max(axis=1) < speed[:, :started].max(axis=1))
-    assert speed[:, -1].max() < 0.5 * 20.0 * DEGREE
 
 
 def test_equal_and_older_times_change_nothing():
@@ -361,16 +462,6 @@ def test_a_joint_that_turns_round_as_announced_has_its_preload_without_a_rest():
     # From full help in one direction to full help in the other: 0.2 s.
     assert np.flatnonzero(share < -0.9)[0] <= 1200 + 220
     assert np.all(share[1420:1500] < -0.9)
-
-
-def test_an_announcement_is_spent_by_a_movement_in_its_direction():
-    """A joint that swings to and fro by itself gets what d = 0 gives at every later turn."""
-    time = 1e-3 * np.arange(5000)
-    places = 0.1 * (1.0 - np.cos(2.0 * math.pi * 0.5 * np.maximum(0.0, time - 0.5)))
-    later = slice(1600, None)
-    found, wanted = (drive_along(CompensationLaw([small_model()]), places, d)[later]
-                     for d in (1, 0))
-    np.testing.assert_allclose(found, wanted, atol=0.07 * LEVEL)
 
 
 @pytest.mark.parametrize('leap', [10.0, -10.0])

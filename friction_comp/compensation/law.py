@@ -14,6 +14,7 @@ from friction_comp.compensation import law_kernel as kernel
 from friction_comp.compensation.effect_currents import EffectCurrents
 from friction_comp.compensation.law_fields import CONTINUOUS, FREE, NONE, PARAMETERS, STATE, zeros
 from friction_comp.compensation.law_parameters import law_parameters, LAWS, set_breakaway
+from friction_comp.compensation.safety import BAD_TIME
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 __all__ = ['CompensationLaw', 'GRAVITY', 'law_parameters', 'LAWS']
 
 GRAVITY = ('feed_forward', 'left_to_robot')
+BLEND_TIME = 0.05
+"""s within which a new model or law comes in."""
 
 
 class CompensationLaw:
@@ -92,12 +95,10 @@ class CompensationLaw:
     def terms(self) -> dict[str, np.ndarray]:
         """The parts of the last sample's current, A, each of shape (J,).
 
-        ``kinetic``, ``breakaway`` and ``effects``; their sum is the current unless a limit is
-        reached. Under the continuous law friction effects are part of the first two, and
-        ``effects`` contains the others.
+        ``friction`` and ``effects``; their sum is the current unless a limit is reached. Under the
+        continuous law effects that resist motion are part of the first.
         """
-        return {'kinetic': self._states['kinetic'].copy(),
-                'breakaway': self._states['breakaway'].copy(), 'effects': self._carried}
+        return {'friction': self._states['friction'].copy(), 'effects': self._carried}
 
     @property
     def missing(self) -> list[tuple[int, str, tuple[str, ...]]]:
@@ -135,24 +136,19 @@ class CompensationLaw:
     def guards(self) -> dict[str, np.ndarray]:
         """What limited the current of the continuous law, per joint.
 
-        ``taken back``: share of compensation removed because the drive slipped under its preload,
-        or because the joint went on beyond the identified speeds; ``beyond identified speeds``:
-        for how long it was, s; ``withheld``: share withheld while the joint slows down, or is
-        faster than before in this movement; ``slips``: how often it slipped under its preload;
-        ``samples dropped``: number of implausible samples; ``in doubt``: whether these cause zero
-        current; ``not carried``: what the drive's limit, or that of the rate of change, takes from
-        the effects that carry, A; ``beyond the end``: whether it has been beyond the announced end
-        of its movement.
+        ``share``: of friction that is fed forward, by how sure the model is; ``taken back``: share
+        of that removed because the drive slipped under its preload, or went on beyond the
+        identified speeds; ``samples dropped``: number of implausible samples; ``in doubt``: whether
+        these cause zero current; ``not carried``: what the drive's limit, or that of the rate of
+        change, takes from the effects that carry, A; ``beyond the end``: whether it has been beyond
+        the announced end of its movement.
         """
-        s, p = self._states, self._parameters
-        begun = s['started'] == 1
+        s = self._states
         return {
-            'taken back': np.where(begun, 1.0 - s['trust'], 0.0),
-            'beyond identified speeds': s['overspeed'].copy(),
-            'withheld': s['withheld'].copy(),
-            'slips': s['slips'].astype(int),
+            'share': self._parameters['share'].copy(),
+            'taken back': np.where(s['started'] == 1, 1.0 - s['trust'], 0.0),
             'samples dropped': s['dropped'].astype(int),
-            'in doubt': s['doubt'] > p['bad_time'],
+            'in doubt': s['doubt'] > BAD_TIME,
             'not carried': self._not_carried(),
             'beyond the end': s['beyond'] == 1}
 
@@ -160,9 +156,7 @@ class CompensationLaw:
         s = self._states
         # What is missing is taken from what carries where both have the same sign.
         lacking = (s['friction'] + self._carried - s['current']) * np.sign(self._carried)
-        most = np.where(self._parameters['law'] >= CONTINUOUS, lacking,
-                        np.abs(self._carried) - self.limits)
-        return np.clip(most, 0.0, np.abs(self._carried))
+        return np.clip(lacking, 0.0, np.abs(self._carried))
 
     def update(self, time: float, position: ArrayLike, velocity: ArrayLike | None,
                direction: ArrayLike, temperature: ArrayLike | None = None,
@@ -279,7 +273,7 @@ class CompensationLaw:
 
     def _take_parameters(self, joint: int) -> None:
         self._parameters[joint] = law_parameters(self.models[joint], **self._options[joint])[0]
-        self._states[joint]['changed'] = self._states[joint]['started']
+        self._states[joint]['blends'] = BLEND_TIME * self._states[joint]['started']
 
     def _effect_currents(self, joint: int, time: float, signals: dict[str, float | None]
                          ) -> tuple[float, float, float]:

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from friction_comp.compensation.feed_forward import feed_forward, FeedForward
 from friction_comp.compensation.law import CompensationLaw
+from friction_comp.control.feed_forward import changes, feed_forward
 from friction_comp.errors import InputError
 from friction_comp.model.arm import Arm, FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS
@@ -31,18 +31,13 @@ class Loaded(NamedTuple):
     """A model that was tried, and what the law feeds forward with it."""
 
     model: FrictionModel
-    feed: FeedForward
+    feed: np.ndarray
 
-    def told(self, before: FeedForward | None = None) -> list[str]:
-        """Return what a file says against its model, and what feeds forward otherwise, as text.
-
-        Otherwise than before, or than the model says.
-        """
-        changed = [] if before is None else self.feed.compared(before)
+    def told(self, before: np.ndarray | None = None) -> list[str]:
+        """Return what a file says against its model, and what changed since before."""
+        changed = [] if before is None else changes(before, self.feed)
         return [*doubts(self.model),
-                *(f'feeds forward otherwise than before: {text}' for text in changed),
-                *(f'feeds forward otherwise than its model says: {text}'
-                  for text in self.feed.lacking(self.model))]
+                *(f'feeds forward otherwise than before: {text}' for text in changed)]
 
 
 def try_model(model: FrictionModel, gravity: str, path: str) -> Loaded:
