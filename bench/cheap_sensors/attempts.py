@@ -68,7 +68,6 @@ class Sensors:
             source.begin_calibration()
         self.play(torque[begin:begin + round((CALIBRATION_TIME + 0.1) / STEP)])
         for source in self.sources:
-            source.end_calibration()
             assert not source.failure, source.failure
 
 

@@ -114,43 +114,30 @@ class ForceDirection:
         margin = _RAIL * (high - low)
         self._inside = low + margin, high - margin
         self.motion = JointMotion()
-        self._resting, self._stopped = False, -math.inf
         self.begin_calibration()
-        self.end_calibration()
-        self.failure = self._fault = 'not calibrated'
-
-    # Calibration.
-
-    @property
-    def calibrating(self) -> bool:
-        """Whether values are collected."""
-        return self._collected is not None
+        self.calibrating, self.failure = False, 'not calibrated'
 
     def begin_calibration(self) -> None:
         """Collect values for `CALIBRATION_TIME` from when the joint's motion is known.
 
-        Nothing is announced before it has ended.
+        Nothing is announced before it has ended; it is `calibrating` until then.
         """
-        self._collected: list[np.ndarray] | None = []
+        self.calibrating, self.failure = True, 'joint_states or values are missing'
+        self._collected: list[np.ndarray] = []
         self._begun = self._arrived = math.nan
         self._test: ChangeTest | None = None
-        self._fault, self._against, self._run = 'calibrating', 0, 0
-        self._alarmed, self._side, self._hums_until = -math.inf, 0, -math.inf
+        self._fault, self._against, self._run = '', 0, 0
+        self._alarmed, self._side = -math.inf, 0
         self._stop(-math.inf, 'at rest')
 
-    def end_calibration(self) -> None:
-        """Learn from the values so far, if that is not done yet."""
-        if self._collected is None:
-            return
-        collected, self._collected = self._collected, None
-        values = np.concatenate(collected) if collected else np.zeros(0)
-        passed = self._arrived - self._begun
+    def _learn(self, passed: float) -> None:
+        """Learn from the values of a time in s."""
+        self.calibrating, values = False, np.concatenate(self._collected)
         self.failure = self._unusable(values, passed)
-        self._fault = f'not calibrated: {self.failure}' if self.failure else ''
         if self.failure:
             return
         # The first message has come at the beginning of the time that passed.
-        rate = (len(values) - len(collected[0])) / passed
+        rate = (len(values) - len(self._collected[0])) / passed
         changes = np.flatnonzero(np.diff(values) != 0.0)
         longest = np.diff(np.concatenate([[-1], changes, [len(values) - 1]])).max()
         self._flat, self._silent = max(4.0 * longest, _FLAT * rate), max(_SILENT, 5.0 / rate)
@@ -159,9 +146,7 @@ class ForceDirection:
 
     def _unusable(self, values: np.ndarray, passed: float) -> str:
         """Return why values at rest over a time in s teach nothing; '' if they do."""
-        if not self.motion.known(self._arrived):
-            return 'joint_states or values are missing'
-        if not (passed > 0.5 * CALIBRATION_TIME and len(values) > 20.0 * passed):
+        if len(values) <= 20.0 * passed:
             return (f'{len(values)} values in {CALIBRATION_TIME:g} s: at least 20 per second are '
                     'needed')
         if not np.isfinite(values).all():
@@ -170,42 +155,37 @@ class ForceDirection:
             return f'saturated: values from {values.min():g} to {values.max():g}'
         if np.count_nonzero(np.diff(values)) < 3:
             return f'flat: {values[0]:g} does not change; is it connected?'
-        if self.motion.rest(self._arrived) < passed:
-            return 'the joint moved during the calibration'
-        return ''
-
-    # Values.
+        return '' if self.motion.rest(self._arrived) >= passed else (
+            'the joint moved during the calibration')
 
     def add(self, time: float, values: Any) -> None:
         """Take values, shape (N,), of which the last was measured at a time in s."""
         samples = np.asarray(values, dtype=float)
-        if self._collected is not None:
-            if not self._collected and not self.motion.known(time):
-                return
-            self._begun = self._begun if self._collected else time
-            self._collected.append(samples)
         self._arrived = time
-        # By the values' own time, so that what is learnt follows from them alone.
-        if self._collected is not None and time - self._begun >= CALIBRATION_TIME:
-            self.end_calibration()
-        elif self._test is not None:
+        if self._test is not None:
             for value in samples.tolist():
                 self._take(time, value, self._test)
+        elif self.calibrating and (self._collected or self.motion.known(time)):
+            self._begun = self._begun if self._collected else time
+            self._collected.append(samples)
+            # By the values' own time, so that what is learnt follows from them alone.
+            if time - self._begun >= CALIBRATION_TIME:
+                self._learn(time - self._begun)
 
     def _take(self, time: float, value: float, test: ChangeTest) -> None:
         recent = self._recent
         self._run = self._run + 1 if recent and value == recent[-1] else 0
-        self._fault = self._find_fault(time, value)
+        alarm = test.add(value)
+        hums = alarm == -self._side != 0 and time - self._alarmed < _SILENT
+        if alarm:
+            self._alarmed, self._side = time, alarm
+        # Within a tenth of a second it was above and below its rest.
+        self._fault = 'sensor: hums' if hums else self._find_fault(time, value)
         if self._fault:
             self._stop(time, self._fault)
             recent.clear()
             return
         recent.append(value)
-        alarm = test.add(value)
-        if alarm:
-            if alarm == -self._side and time - self._alarmed < _SILENT:
-                self._hums_until = time + _FLAT
-            self._alarmed, self._side = time, alarm
         if self._direction:
             self._continue(time, value - test.level, alarm)
         elif not self._resting:
@@ -227,9 +207,6 @@ class ForceDirection:
             return f'sensor: saturated at {value:g}'
         if self._run > self._flat:
             return 'sensor: flat'
-        if time < self._hums_until:
-            # Within a tenth of a second it was above and below its rest.
-            return 'sensor: hums'
         if self._against >= _CONTRADICTIONS:
             return 'the joint moves against the sensor: is its sign reversed?'
         return '' if self.motion.known(time) else 'joint_states are missing'
@@ -284,8 +261,11 @@ class ForceDirection:
 
     def at(self, time: float) -> Announcement:
         """Return what is announced at a time in s."""
+        if self._test is None:
+            return Announcement(0, 'calibrating' if self.calibrating else
+                                f'not calibrated: {self.failure}', fault=True)
         if fault := self._fault or self._find_fault(time):
             self._stop(time, fault)
             return Announcement(0, fault, fault=True)
-        sure = 0 if self._test is None else self._test.sure
-        return Announcement(self._direction, self._reason, is_pushed=sure * self._direction > 0)
+        return Announcement(self._direction, self._reason,
+                            is_pushed=self._test.sure * self._direction > 0)

@@ -169,8 +169,6 @@ class DirectionNode(Node):
         end = time.monotonic() + _PATIENCE
         while any(sensor.calibrating for sensor in sensors) and time.monotonic() < end:
             await yield_to_executor()
-        for sensor in sensors:
-            sensor.end_calibration()
         failures = [f'{joint}: {sensor.failure}' for joint, sensor in zip(self._joints, sensors)
                     if sensor.failure]
         response.success = bool(sensors) and not failures
