@@ -29,7 +29,6 @@ from friction_comp.excitation.plan import (
     trajectory_of,
 )
 from friction_comp.excitation.separation import coverage_within, pairs_in, pairs_of, separations
-from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.tools.excite import limits_of
@@ -124,14 +123,6 @@ def test_a_plan_keeps_to_the_effort_limit_or_is_refused(plan, monkeypatch):
         plan_joint(JointLimits('elbow', -1.2, 1.0, 1.5, 6.0, 1.0), pairs, 20.0, 1, model)
 
 
-def test_the_effort_of_a_model_refined_beside_a_torque_sensor_is_that_without_a_person(plan):
-    model = FrictionModel(drive=Drive(0.1, 100.0, 4000), joint='elbow',
-                          sigmoid=Sigmoid(0.2, -0.2, 400.0, viscous=0.5))
-    effort = peak_torque(model, plan.samples(500.0))
-    model.effects = [EFFECTS['load_torque']({'coefficients': [-0.1]})]
-    assert peak_torque(model, plan.samples(500.0)) == pytest.approx(effort)
-
-
 def test_the_trajectory_is_the_message(plan):
     message = pytest.importorskip('trajectory_msgs.msg').JointTrajectory
     point = pytest.importorskip('trajectory_msgs.msg').JointTrajectoryPoint
@@ -143,18 +134,29 @@ def test_the_trajectory_is_the_message(plan):
     assert all(isinstance(one['positions'][0], float) for one in document['points'])
 
 
+ENTRY = ('min_position: -1.2, max_position: 1.0, max_velocity: 2.0, max_acceleration: 3.0')
+YAML = f'joint_limits:\n  elbow: {{{ENTRY}}}\n'
+LIMIT = '<limit lower="-1.2" upper="1" velocity="2" effort="9"/>'
+URDF = (f'<robot name="r"><joint name="elbow" type="revolute">{LIMIT}</joint><joint name="b" '
+        f'type="revolute">{LIMIT}<mimic joint="elbow"/></joint><joint name="c" type="fixed"/>'
+        '</robot>')
+STATED = JointLimits('elbow', -1.2, 1.0, 2.0, 3.0)
+
+
 def test_limits_come_from_files(tmp_path):
-    (tmp_path / 'limits.yaml').write_text(
-        'joint_limits:\n  a: {min_position: -1.0, max_position: 1.0, max_velocity: 2.0, '
-        'max_acceleration: 3.0}\n', encoding='utf-8')
-    (tmp_path / 'arm.urdf').write_text(
-        '<robot name="r"><joint name="a" type="revolute"><limit lower="-1" upper="1" '
-        'velocity="2" effort="9"/></joint><joint name="b" type="fixed"/></robot>',
-        encoding='utf-8')
-    assert from_yaml(tmp_path / 'limits.yaml') == [JointLimits('a', -1.0, 1.0, 2.0, 3.0)]
-    assert from_urdf(tmp_path / 'arm.urdf', 3.0) == [JointLimits('a', -1.0, 1.0, 2.0, 3.0, 9.0)]
-    with pytest.raises(InputError, match="no revolute joint 'b'"):
-        from_urdf(tmp_path / 'arm.urdf', 3.0, ['b'])
+    yaml_file, urdf = tmp_path / 'limits.yaml', tmp_path / 'arm.urdf'
+    yaml_file.write_text(YAML, encoding='utf-8')
+    urdf.write_text(URDF, encoding='utf-8')
+    assert from_yaml(yaml_file) == [STATED]
+    assert from_urdf(urdf, 3.0) == [replace(STATED, effort=9.0)]
+    for joint, words in (('b', "'b' mimics another"), ('c', "no revolute joint 'c'")):
+        with pytest.raises(InputError, match=words):
+            from_urdf(urdf, 3.0, [joint])
+    # YAML reads 1 as a number; a limit of effort that is none is often stated as 0.
+    yaml_file.write_text(YAML.replace('elbow', '1').replace(
+        '}', ', has_effort_limits: false, max_effort: 0.0}'), encoding='utf-8')
+    for joints in ((), ('1',)):
+        assert from_yaml(yaml_file, joints) == [replace(STATED, joint='1')]
 
 
 @pytest.mark.parametrize(('rate', 'keeps'), [(20.0, True), (5.0, False)])
@@ -172,26 +174,6 @@ def test_splines_through_the_points_of_the_lowest_rate_keep_the_limits(rate, kee
     assert all(within) == keeps
 
 
-def test_a_file_may_say_that_effort_is_not_limited_and_name_a_joint_by_a_number(tmp_path):
-    path = tmp_path / 'limits.yaml'
-    path.write_text(
-        'joint_limits:\n  1: {min_position: -1.0, max_position: 1.0, max_velocity: 2.0, '
-        'max_acceleration: 3.0, has_effort_limits: false, max_effort: 0.0}\n', encoding='utf-8')
-    for joints in ((), ('1',)):
-        assert from_yaml(path, joints) == [JointLimits('1', -1.0, 1.0, 2.0, 3.0)]
-
-
-def test_a_joint_that_mimics_another_is_not_planned(tmp_path):
-    limit = '<limit lower="-1" upper="1" velocity="2"/>'
-    (tmp_path / 'arm.urdf').write_text(
-        f'<robot name="r"><joint name="a" type="revolute">{limit}</joint>'
-        f'<joint name="b" type="revolute">{limit}<mimic joint="a"/></joint></robot>',
-        encoding='utf-8')
-    assert from_urdf(tmp_path / 'arm.urdf', 3.0) == [JointLimits('a', -1.0, 1.0, 2.0, 3.0)]
-    with pytest.raises(InputError, match="'b' mimics another"):
-        from_urdf(tmp_path / 'arm.urdf', 3.0, ['b'])
-
-
 def test_a_long_plan_of_a_fast_joint_moves_to_its_end():
     # The search finds the shortest moves and rests.
     shortest = Namespace(x=[0.5, 4.0, 1.0, 0.05, 0.05])
@@ -203,14 +185,8 @@ def test_a_long_plan_of_a_fast_joint_moves_to_its_end():
     assert plan.moves[-1].begin + plan.moves[-1].duration > 1790.0
 
 
-LIMITS = ('joint_limits:\n  elbow: {min_position: -1.2, max_position: 1.0, max_velocity: 2.0, '
-          'max_acceleration: 3.0}\n')
-URDF = ('<robot name="r"><joint name="elbow" type="revolute"><limit lower="-1.2" upper="1" '
-        'velocity="2" effort="9"/></joint></robot>')
-
-
 @pytest.mark.parametrize(('option', 'text', 'given', 'effort'), [
-    ('limits', LIMITS, {'velocity': 0.5, 'acceleration': 1.0}, math.inf),
+    ('limits', YAML, {'velocity': 0.5, 'acceleration': 1.0}, math.inf),
     ('urdf', URDF, {'velocity': 0.5, 'acceleration': 1.0}, 9.0),
     ('urdf', URDF, {'velocity': 5.0, 'acceleration': 3.0}, 9.0)])
 def test_what_was_asked_for_lowers_the_limits_of_a_file(tmp_path, option, text, given, effort):
@@ -218,8 +194,9 @@ def test_what_was_asked_for_lowers_the_limits_of_a_file(tmp_path, option, text, 
     path.write_text(text, encoding='utf-8')
     arguments = Namespace(**{'limits': None, 'urdf': None, 'position': None, 'joint': [],
                              option: path, **given})
-    assert limits_of(arguments) == [JointLimits(
-        'elbow', -1.2, 1.0, min(2.0, given['velocity']), given['acceleration'], effort)]
+    assert limits_of(arguments) == [replace(
+        STATED, velocity=min(2.0, given['velocity']), acceleration=given['acceleration'],
+        effort=effort)]
 
 
 def test_a_report_of_refine_says_what_to_tell_apart():

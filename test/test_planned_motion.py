@@ -132,18 +132,6 @@ def test_of_several_recorded_joints_the_model_knows_its_own(tmp_path):
     np.testing.assert_allclose(rows['predicted'][inside], rows['measured'][inside], atol=0.01)
 
 
-def test_a_position_beyond_is_said_also_where_motion_is_short(tmp_path, capsys):
-    recorded = Recorded((0.2, 1.0, 1.9), {}, {'position': (-1.0, 1.0)}, error=0.02)
-    replace(MODEL, effects=MODEL.effects[:2], recorded=recorded).save(tmp_path / 'model.yaml')
-    time = np.arange(0.0, 4.0, 0.002)
-    predicted(tmp_path, 'model.yaml', t=time, **{
-        'elbow.position': np.clip(60.0 * time, 0.0, 3.0),
-        'elbow.effort': 0.1 + 0.01 * np.random.default_rng(1).standard_normal(len(time))})
-    shown = capsys.readouterr().out
-    assert 'too little motion to tell the error' in shown
-    assert BEYOND['position'] in shown
-
-
 def test_the_range_of_a_signal_counts_where_a_term_depends_on_its_value():
     samples = Samples(*np.ones((3, 4)), velocity=np.ones(4), acceleration=np.ones(4),
                       load=np.ones(4), temperature=np.ones(4))
