@@ -114,6 +114,7 @@ class ForceDirection:
         margin = _RAIL * (high - low)
         self._inside = low + margin, high - margin
         self.motion = JointMotion()
+        self._resting, self._stopped = False, -math.inf
         self.begin_calibration()
         self.calibrating, self.failure = False, 'not calibrated'
 
