@@ -149,9 +149,9 @@ def library_for(path: Path, name: str, extra: str, files: str) -> Any:
                          f'or pip install {package}') from None
 
 
-def read_yaml(path: AnyPath) -> Any:
+def read_yaml(path: AnyPath, references: bool = False) -> Any:
     """Return the content of a YAML file, see `parse_yaml`; raises InputError if it is none."""
-    return parse_yaml(read_text(path), path)
+    return parse_yaml(read_text(path), path, references)
 
 
 def parse_json(text: str, where: object) -> Any:

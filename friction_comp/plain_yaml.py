@@ -68,17 +68,18 @@ _PlainLoader.add_constructor('tag:yaml.org,2002:int', _whole_number)
 _PlainLoader.add_constructor('tag:yaml.org,2002:float', _number)
 
 
-def parse_yaml(text: str, where: object) -> Any:
+def parse_yaml(text: str, where: object, references: bool = False) -> Any:
     """Return the plain values of a YAML document; raises InputError if it is not valid.
 
-    What is nested deeply is refused, and so are references, a few of which fill the memory.
+    What is nested deeply is refused, and so are references, a few of which fill the memory of
+    whoever writes them out; but rosbag2's metadata have some.
     """
     try:
         depth = 0
         for count, event in enumerate(yaml.parse(text, Loader=_Loader)):
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
-            if isinstance(event, yaml.AliasEvent):
+            if isinstance(event, yaml.AliasEvent) and not references:
                 raise yaml.YAMLError('references (*) are not allowed')
             if depth > _DEEPEST or count > _MOST:
                 raise yaml.YAMLError('it holds too much, or is nested too deeply')

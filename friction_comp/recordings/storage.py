@@ -122,7 +122,7 @@ class Storage:
                        key=lambda path: natural_key(path.name))
         listed = []
         try:
-            about = read_yaml(self.path / METADATA)['rosbag2_bagfile_information']
+            about = read_yaml(self.path / METADATA, references=True)['rosbag2_bagfile_information']
             # Only the names, in this folder: metadata must not point outside of it.
             listed = [self.path / PurePath(name).name for name in about['relative_file_paths']]
             self.add_custom(about)
@@ -175,7 +175,7 @@ def _read_mcap(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
                 about = Metadata.read(record)
                 if about.name == 'rosbag2':
                     storage.add_custom(parse_yaml(about.metadata.get(
-                        'serialized_metadata', ''), 'metadata') or {})
+                        'serialized_metadata', ''), 'metadata', references=True) or {})
 
 
 def _mcap_records(storage: Storage, stream: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
