@@ -242,11 +242,11 @@ def loops_figure(trials: dict[str, HandTrial]) -> Figure:
         axis.fill(*loop, color=COLOURS[colour], alpha=0.3, linewidth=0)
         axis.plot(*loop, color=COLOURS[colour])
         zero(axis)
-        axis.text(0.01, 0.92, f'{one.title}: {one.rms:.2f} N·m RMS', transform=axis.transAxes,
+        axis.text(0.01, 0.95, f'{one.title}: {one.rms:.2f} N·m RMS', transform=axis.transAxes,
                   color=COLOURS[colour], va='top', fontweight='bold')
     limit = max(float(np.abs(one.torque[one.steady]).max()) for one in trials.values())
     for axis in axes:
-        axis.set_ylim(-1.1 * limit, 1.1 * limit)
+        axis.set_ylim(-1.1 * limit, 1.6 * limit)     # with room for the title
     return figure
 
 

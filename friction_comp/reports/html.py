@@ -7,12 +7,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from datetime import datetime
 from html import escape
+from numbers import Real
 from pathlib import Path
 import re
 from typing import Any, NamedTuple, TYPE_CHECKING
 from urllib.parse import quote
-
-import numpy as np
 
 from friction_comp import __version__
 from friction_comp.files import write_atomically
@@ -96,7 +95,7 @@ class Report:
 
     def numbers(self, tiles: Sequence[tuple[str, str]]) -> None:
         """Add tiles with a number in large type; each is a value with unit, and a label."""
-        cells = ''.join(f'<div class="tile"><b>{_unbroken(text)}</b><span>{_inline(label)}</span>'
+        cells = ''.join(f'<div class="tile"><b>{_cell(text)}</b><span>{_inline(label)}</span>'
                         '</div>' for text, label in tiles)
         self._parts.append(f'<div class="tiles">{cells}</div>')
 
@@ -176,7 +175,7 @@ class Report:
 
 
 def _is_number(one: object) -> bool:
-    return isinstance(one, (int, float, np.integer, np.floating)) and not isinstance(one, bool)
+    return isinstance(one, Real) and not isinstance(one, bool)
 
 
 def _cell(one: Any) -> str:
@@ -193,11 +192,6 @@ def _inline(text: object) -> str:
     marked = re.sub(r'\b(\w) = (?=\S)', '\\1\u00a0=\u00a0', escape(str(text), quote=False))
     marked = re.sub(r'`([^`]+)`', r'<code>\1</code>', marked)
     return re.sub(r'\*\*(.+?)\*\*', r'<strong>\1</strong>', marked)
-
-
-def _unbroken(text: str) -> str:
-    """Return an escaped value without a line break between number and unit."""
-    return escape(re.sub(rf'(?<=\d) (?=[^\s{_END}]+{_END}?$)', '\u00a0', text))
 
 
 def _plain(text: str) -> str:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of one figure: a planned motion, friction at constant speeds, and a taught exercise."""
+"""Pages of one figure: a planned motion, and friction at constant speeds."""
 
 from __future__ import annotations
 
@@ -12,21 +12,9 @@ import numpy as np
 
 from friction_comp.excitation.plan import JointPlan
 from friction_comp.excitation.separation import Pair
-from friction_comp.exercise.exercise_script import ExerciseScript
-from friction_comp.exercise.taught_exercise import Taught
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import quantity
-from friction_comp.reports.figures import (
-    COLOURS,
-    curve,
-    INK,
-    legend,
-    measured_and_predicted,
-    panels,
-    shade_directions,
-    styled,
-    thin,
-)
+from friction_comp.reports.figures import COLOURS, curve, measured_and_predicted, panels, styled
 from friction_comp.reports.html import Report, value
 from friction_comp.reports.refinement_page import add_steps, NAMES, number_rows, number_texts, Row
 from friction_comp.samples import Samples
@@ -122,22 +110,3 @@ def _steady_figure(model: FrictionModel, speeds: np.ndarray, currents: np.ndarra
     return measured_and_predicted(
         (f'friction ({unit})', f'error ({unit})'), 'velocity (rad/s)', (grid, fitted(grid)), 'fit',
         (speeds, currents), currents - fitted(speeds))[0]
-
-
-@styled
-def taught_figure(taught: Taught, script: ExerciseScript) -> Figure:
-    """Return a figure with a row for each joint: path, waypoints, and announced directions."""
-    figure, axes = panels([f'{joint} (deg)' for joint in script.joints], 'time (s)', 1.9)
-    time = np.linspace(0.0, script.duration, 1500)
-    states = [script.at(float(t)) for t in time]
-    position = np.degrees([state[0] for state in states])
-    direction = np.array([state[2] for state in states])
-    for j, panel in enumerate(axes):
-        panel.plot(*thin(taught.time, np.degrees(taught.path[:, j])), color=COLOURS['measured'],
-                   linewidth=4.0, alpha=0.6, label='guided')
-        panel.plot(time, position[:, j], color=INK, linewidth=1.2, label='exercise')
-        panel.plot(taught.waypoints, np.interp(taught.waypoints, time, position[:, j]), 'o',
-                   color=INK, markersize=4, label='waypoint')
-        shade_directions(panel, time, direction[:, j])
-    legend(axes[0], 2)
-    return figure

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool ``teach``: makes an exercise of a recorded movement that a person guided.
 
-The node `exercise` plays it (parameter exercise_file) with the direction of each joint. A picture
-beside the file shows the guided movement, the exercise and its directions.
+The node `exercise` plays it (parameter exercise_file) with the direction of each joint.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from friction_comp.tools.common import Arguments, layout_of
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write the exercise file and its picture; returns 0."""
+    """Write the exercise file; returns 0."""
     parser = Arguments('teach', __doc__, (
         'examples/elbow/with_direction.mcap.zstd --output output/exercise.yaml',
         'guided --limits joint_limits.yaml --output exercise.yaml')).add_recordings(several=False)
@@ -32,8 +31,6 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.exercise.exercise_script import exercise_of
     from friction_comp.exercise.taught_exercise import teach
     from friction_comp.recordings import find_recording, read_arm
-    from friction_comp.reports.figures import to_svg
-    from friction_comp.reports.small_pages import taught_figure
 
     with progress('reading') as report:
         arm = read_arm(find_recording(arguments.recording), progress=report,
@@ -57,14 +54,10 @@ def main(argv: list[str] | None = None) -> int:
                     f'{own.joint}: guided from {column.min():.3g} to {column.max():.3g} rad, but '
                     f'the limits are {own.lowest:g} and {own.highest:g} rad')
         taught = teach(joints, time, position, [own.velocity for own in limits] or None)
-    picture = arguments.output.with_suffix('.svg')
     script = exercise_of(taught.document)
-    figure = to_svg(taught_figure(taught, script))
     write_atomically(arguments.output, to_yaml(taught.document))
-    write_atomically(picture, figure)
     print(f'{arguments.output}: {len(taught.waypoints)} waypoints in {script.duration:.1f} s of '
           f'{", ".join(joints)}')
     if taught.slowed > 1.0:
         print(f'slowed down by a factor of {taught.slowed:.2f}, to keep the limits of speed')
-    print(picture)
     return 0
