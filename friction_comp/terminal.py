@@ -70,17 +70,15 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
 
     Yields ``report(share, description=None)`` for the share 0..1 that is done, None if unchanged.
     """
+    if not sys.stderr or not sys.stderr.isatty():
+        yield lambda *_, **__: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    console = Console(stderr=True)
     columns = (TextColumn('{task.description}'), BarColumn(), TextColumn(
         '{task.percentage:>3.0f} %'), TimeElapsedColumn())
-    if not console.is_terminal:
-        # Rich 13 ends even a disabled bar with an empty line.
-        yield lambda *_, **__: None
-        return
-    with Progress(*columns, console=console, transient=True) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(description, total=1.0)
 
         def report(share: float | None, description: str | None = None) -> None:
