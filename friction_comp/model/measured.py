@@ -85,33 +85,29 @@ LINE = ('offset', 'coulomb', 'viscous')
 """Parameters of the line, in A, A and A·s/rad."""
 INTERVALS = (*LINE, 'inertia', 'static', 'transition')
 """Parameters that a file may have intervals of."""
-# Signals with a range that starts at zero: nothing is known of either sign alone.
-_SIZES = {'speed': ('velocity', 'rad/s'), 'acceleration': ('acceleration', 'rad/s²')}
-_UNITS = {'position': 'rad', 'load': 'N·m', 'temperature': '°C', 'rigid_body': 'N·m'}
-_WORDS = {'rigid_body': "torque of the arm's links"}
-_OF_OTHER = 'position of '
-# Change of a signal that is too small to matter: °C as for one that hardly varied, and rad of
-# another joint, with whose sine the weight varies.
-_NO_CHANGE = {'temperature': 2.0, _OF_OTHER: 0.1}
+# Signals that have a range, with their unit and the change that is too small to matter.
+_SIGNALS = {'speed': ('rad/s', 0.0), 'acceleration': ('rad/s²', 0.0), 'position': ('rad', 0.0),
+            'load': ('N·m', 0.0), 'temperature': ('°C', 2.0), 'rigid_body': ('N·m', 0.0)}
+# The same of the position of another joint, with whose sine the weight varies.
+_OF_OTHER = ('rad', 0.1)
 
 
 def signals_read(samples: Samples, effects: Iterable[Effect]) -> dict[str, np.ndarray]:
     """Return each signal, (N,), that a sum of the sigmoid and effects depends on, but time.
 
-    Speed and acceleration are sizes. A load, a temperature and the positions of other joints count
-    even if no effect depends on them: where they hardly varied, nothing is known of that.
+    Speed and acceleration are sizes: nothing is known of either sign alone. A load, a temperature
+    and positions of other joints count even if no effect depends on them: where they hardly varied,
+    nothing is known of that.
     """
-    names = {'load', 'temperature'}.union(*(effect.reads() for effect in effects))
-    signals = {name: np.abs(values) for name, (own, _) in _SIZES.items()
-               if name in {'speed', *names} and (values := getattr(samples, own)) is not None}
-    signals |= {name: values for name in _UNITS
-                if samples.velocity is not None and name in names
-                and (values := getattr(samples, name)) is not None}
+    names = {'speed', 'load', 'temperature'}.union(*(effect.reads() for effect in effects))
+    values = {name: getattr(samples, 'velocity' if name == 'speed' else name)
+              for name in _SIGNALS if name in names and samples.velocity is not None}
     # Their torque counts, where a URDF tells it.
     if samples.rigid_body is None and samples.arm is not None:
-        signals |= {f'{_OF_OTHER}{joint}': values for joint, values in zip(
+        values |= {f'position of {joint}': one for joint, one in zip(
             samples.arm.joints, samples.arm.position.T) if joint != samples.joint}
-    return signals
+    return {name: np.abs(one) if name in ('speed', 'acceleration') else one
+            for name, one in values.items() if one is not None}
 
 
 # Rows that a model keeps, what they may hold, and the share of them in the other direction up to
@@ -144,7 +140,7 @@ class Recorded:
         ranges = {}
         for name, values in signals_read(samples, effects).items():
             low, high = np.quantile(values, (_TAIL, 1.0 - _TAIL))
-            ranges[name] = (0.0 if name in _SIZES else float(low), float(high))
+            ranges[name] = (0.0 if name in ('speed', 'acceleration') else float(low), float(high))
         every = np.arange(_ROWS)
         index = np.unique((every + evenly_spread(every)) * len(samples) // _ROWS).astype(int)
         names = {'position', 'velocity', *(name for effect in effects for name in effect.reads()),
@@ -162,25 +158,24 @@ class Recorded:
         Like other effects, friction is believed for a quarter of the range beyond it, and a load
         for the error to expect. Of an angle, a turn is all there is.
         """
-        least = {**_NO_CHANGE, 'load': (self.error or 0.0) * torque_per_current}
         # Files of earlier versions have the speeds alone.
         ranges = self.ranges or ({'speed': (0.0, self.speeds[-1])} if self.speeds else {})
         notes = []
         for name, values in signals_read(samples, effects).items():
             low, high = ranges.get(name, (-math.inf, math.inf))
-            more = max(_BEYOND * (high - low), least.get(name, least[_OF_OTHER] * name.startswith(
-                _OF_OTHER)))
-            if not len(values) or (not linear and name.startswith('position')
-                                   and high - low >= 2.0 * math.pi):
-                continue
-            share = float(np.mean((values < low - more) | (values > high + more)))
-            if share >= _MUCH:
-                unit = _SIZES[name][1] if name in _SIZES else _UNITS.get(name, 'rad')
+            unit, least = _SIGNALS.get(name, _OF_OTHER)
+            if name == 'load':
+                least = (self.error or 0.0) * torque_per_current
+            more = max(_BEYOND * (high - low), least)
+            share = float(np.mean((values < low - more) | (values > high + more))) if (
+                len(values)) else 0.0
+            whole_turn = name.startswith('position') and not linear and high - low >= 2.0 * math.pi
+            if share >= _MUCH and not whole_turn:
                 notes.append(
                     f'{100.0 * share:.0f} % of this motion is more than a quarter beyond the '
-                    f'{_WORDS.get(name, name)} that the model was fitted to, {low:.3g} to '
-                    f'{high:.3g} {unit}: it is extrapolated, and the error may be larger than the '
-                    'report expects')
+                    f'{name.replace("rigid_body", "torque of the links")} that the model was '
+                    f'fitted to, {low:.3g} to {high:.3g} {unit}: it is extrapolated, and the error '
+                    'may be larger than the report expects')
         return notes
 
     def error_at(self, speed: np.ndarray) -> float:
