@@ -16,7 +16,7 @@ from friction_comp.evaluation.repetitions import Compensation, find_movements
 from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
-from friction_comp.reports.evaluation_page import measure_text, remarks, verdict
+from friction_comp.reports.evaluation_page import remarks, verdict
 from friction_comp.samples import Samples
 
 REST, RAMP, CRUISE, SPEED = 2.0, 0.5, 1.5, 0.4
@@ -159,45 +159,6 @@ def test_what_was_not_recorded_is_not_invented():
         assert sum(c.repetitions for c in gap.conditions) == 5
     cut = evaluate([samples.take(since < 3 * PERIOD + 1.0)])
     assert sorted(c.repetitions for c in cut.conditions) == [2, 3]
-
-
-def stuck_trial(set_out=None):
-    """Make a trial of two movements in which the joint stands still, or sets out too late.
-
-    The person is a spring to the reference: behind the positive movement 1.3 N·m are left, which
-    are still there as the negative movement begins. Where the joint sets out, the push has grown
-    to 1.7 N·m `set_out` seconds after the movement began.
-    """
-    samples = trial([0.0, 0.0], push=0.0)
-    stiffness = 1.3 / samples.reference_position.max()
-    position = np.zeros(len(samples))
-    if set_out is not None:
-        for k, sign in enumerate((1, -1)):
-            since = samples.time - k * PERIOD - REST - set_out
-            position += sign * samples.reference_position.max() * np.clip(since / 0.5, 0.0, 1.0)
-    load = stiffness * (samples.reference_position - position)
-    if set_out is not None:
-        for k, sign in enumerate((1, -1)):
-            since = samples.time - k * PERIOD - REST
-            load += 0.4 * sign * np.clip(since - set_out + 1.0, 0.0, 1.0) * (since < set_out)
-    return samples.with_(position=position, load=load, command=np.zeros(len(samples)))
-
-
-def test_torque_left_from_the_previous_movement_is_not_a_peak():
-    for condition in evaluate([stuck_trial()]).conditions:
-        assert condition.stuck == 1
-        assert condition.peak_time >= 0.0
-        # The negative movement begins with 1.3 N·m left over and lowers this to zero.
-        expected = 1.3 if condition.movement == 'positive' else 0.0
-        assert condition.peak_torque == pytest.approx(expected, abs=0.01)
-    assert '>\u00a0' in measure_text(condition, 'peak_torque')
-    # The peak of a joint that starts late includes the torque before it.
-    late = evaluate([stuck_trial(set_out=MOVE + 0.6)])
-    for condition, repetition in zip(late.conditions, late.repetitions):
-        assert condition.stuck == 0
-        assert condition.peak_torque == pytest.approx(1.7, abs=0.03)
-        assert condition.peak_time == pytest.approx(MOVE + 0.6, abs=0.02)
-        assert repetition.figures['onset'] == pytest.approx(MOVE + 0.6, abs=0.05)
 
 
 # Conditions: who compensated, and how.

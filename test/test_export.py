@@ -15,7 +15,7 @@ import yaml
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.measured import Breakaway, Recorded
+from friction_comp.model.measured import Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import loss_of, simulator_joint
 from friction_comp.samples import Samples
@@ -130,21 +130,6 @@ def test_yaml_forms_hold_the_numbers_that_refine_reports(tmp_path, form, keys):
     # The interval of another inertia than the model's is not passed on.
     assert 'armature' not in numbers['range']
     assert 'misses nothing of the model' in text
-
-
-@pytest.mark.parametrize(('ends', 'static'), [((0.27, 0.33), 0.3), ((0.1, 0.9), 0.2), ((), 0.3)])
-def test_static_friction_is_that_of_breakaway_or_stribeck_where_the_recording_tells(ends, static):
-    high = simulator_joint(replace(PLAIN, breakaway=Breakaway(0.31, -0.29)), 'isaac')
-    assert (high.static, high.static_is) == (pytest.approx(0.3 * GAIN), 'measured breakaway')
-    fading = EFFECTS['stribeck']({'velocity': 0.05, 'exponent': 2.0, 'transition': 0.01,
-                                  'coefficients': [0.1]})
-    model = replace(PLAIN, breakaway=None, effects=[*PLAIN.effects, fading], recorded=Recorded(
-        (0.5, 1.0), {'static': ends} if ends else {}))
-    joint = simulator_joint(model, 'isaac')
-    assert joint.static == pytest.approx(static * GAIN)
-    assert ('hardly tells' in joint.static_is) == (static == 0.2)
-    if ends:
-        assert joint.ranges['static'] == pytest.approx((max(ends[0], 0.2) * GAIN, ends[1] * GAIN))
 
 
 @pytest.mark.parametrize('unit', ['LSB', 'V', 'A'])

@@ -178,17 +178,6 @@ def test_a_mass_is_in_kg():
     assert in_own_units(friction_rows(friction_of(force))[-1].value, True) == '0.145 kg'
 
 
-def test_a_current_at_its_limit_does_not_bend_the_friction():
-    samples = recording()
-    noisy = samples.current + 0.04 * np.random.default_rng(9).standard_normal(len(samples))
-    report = refine([samples.with_(current=np.clip(noisy, -0.72, 0.78))]).report
-    assert report.samples_clipped > 0.3 * len(samples)
-    for name in ('coulomb', 'viscous'):
-        low, high = report.friction.intervals[name]
-        assert low < TRUTH[name] < high
-        assert getattr(report.friction, name) == pytest.approx(TRUTH[name], rel=0.06)
-
-
 def test_friction_that_the_sigmoid_lacks_is_part_of_coulomb_friction():
     """A refined model may leave Coulomb friction of the sigmoid near zero to a hysteresis."""
     hysteresis = EFFECTS['hysteresis']({

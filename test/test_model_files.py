@@ -8,7 +8,7 @@ import tempfile
 
 from effect_maker import parameters_of, samples_of
 from helpers import note_model
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 import yaml
@@ -220,30 +220,3 @@ def test_typing_errors_never_reach_a_motor(tmp_path, text, words):
     with pytest.raises(InputError, match=words) as caught:
         check_for_motor(FrictionModel.load(path), 'elbow', ['elbow', 'wrist'])
     assert '\n' not in str(caught.value)
-
-
-NUMBERS = st.floats(allow_nan=True, allow_infinity=True) | st.integers(-10**30, 10**30)
-VALUES = st.recursive(
-    NUMBERS | st.booleans() | st.none() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
-        st.sampled_from(['mean', 'std', 'coefficients', 'x']), inner, max_size=3), max_leaves=4)
-
-
-@settings(max_examples=100)
-@given(st.data())
-def test_any_document_is_either_accepted_or_refused(data):
-    """Never anything but InputError; and what is taken gives finite currents."""
-    document = yaml.safe_load(TEXT)
-    places = [(document, key) for key in document] + [
-        (document[name], key) for name in ('drive', 'sigmoid', 'breakaway') for key in
-        document[name]] + [(document['breakaway']['positive'], 'mean'),
-                           (document['sigmoid']['coefficients'], 2)]
-    for _ in range(data.draw(st.integers(1, 2))):
-        holder, key = data.draw(st.sampled_from(places))
-        holder[key] = data.draw(VALUES)
-    try:
-        model = FrictionModel.from_dict(document)
-        check_for_motor(model, 'elbow', ['elbow'])
-    except InputError:
-        return
-    assert np.isfinite(model.sigmoid(np.linspace(-5.0, 5.0, 11))).all()

@@ -3,8 +3,6 @@
 """The written model, its report, and when it is not to be trusted."""
 
 
-from dataclasses import FrozenInstanceError
-import pickle
 
 import numpy as np
 import pytest
@@ -15,7 +13,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement import Origin, refine
+from friction_comp.refinement import refine
 from friction_comp.statistics import rms
 
 RAW = {'method': 'zero-phase Butterworth', 'source': 'velocity', 'bandwidth': None}
@@ -89,30 +87,6 @@ def test_the_error_to_expect_elsewhere_is_not_below_that_of_another_recording():
         assert rms(other.current - result.model.predict(other)) < 1.3 * after.elsewhere_rmse
     assert after.elsewhere_rmse < 0.04
     assert max(after.part_rmse) == after.worst_part_rmse >= after.held_out_rmse
-
-
-def test_a_result_is_complete_when_it_is_made_and_leaves_the_given_model_as_it_is():
-    rng = np.random.default_rng(6)
-    slow = np.convolve(rng.standard_normal(4100), np.exp(-np.arange(101) / 20.0), 'valid')
-    model = FrictionModel(Drive(0.1, 100.0), sigmoid=Sigmoid(0.5, -0.5, 200.0, 0.0, 0.1))
-    before = model.to_dict()
-    result = refine([swings(6).with_(current=slow[:4000])], model, Drive(0.1, 100.0, 3.0),
-                    origin=Origin(warnings=['late'], notes={'refined_from': ['log']}))
-    assert model.to_dict() == before
-    assert result.model.drive.current_limit == 3.0
-    assert result.model.notes == {
-        'refined_from': ['log'], 'unit': 'A', 'verdict': result.report.verdict,
-        'reasons': result.report.reasons, 'assumed': []}
-    assert result.report.warnings[-1] == 'late'
-    with pytest.raises(FrozenInstanceError):
-        result.report.verdict = 'trust'
-    # It goes through a pipe from the process that made it.
-    report, refined = pickle.loads(pickle.dumps((result.report, result.model)))
-    assert report == result.report
-    # It reads like report.json, too.
-    assert dict(report) == report.content()
-    assert report['after']['held_out_rmse'] == report.after.held_out_rmse
-    assert refined.to_dict() == result.model.to_dict()
 
 
 def test_a_linear_axis_has_no_weight_once_a_turn():
