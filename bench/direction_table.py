@@ -1,40 +1,235 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Judges where directions come from: every floor of plans, leaders, sensors and ends.
+"""Judges where directions come from: force sensors, and leaders of followers.
 
-    python3 bench/direction_table.py [--rows attempts rest intention let_go follow ends
-                                      taught] [--seed S] [--draws N] [--hours H]
+    python3 bench/direction_table.py [--rows attempts rest follow] [--seed S] [--draws N]
+                                      [--hours H]
 
 --draws are gears of each kind, --hours are of rest. Even seeds are for tuning on, odd seeds are
-kept for judging. Each row has the simplest rival beside it. The whole takes
-about twenty minutes of processor time.
+kept for judging.
+
+Sensors are those of `simulation.cheap_sensors`, on joints that are held. Followers are under a soft
+MIT-mode controller on slow references, beside a tanh of the measured and of the desired speed.
 """
 
-import time
+import math
 
 from bench_tools import table_parser
-from cheap_sensors.attempts import attempts, hours_at_rest
-from cheap_sensors.ends import beyond_ends
-from cheap_sensors.follower import follow, follower_bank, WAYS
-from cheap_sensors.intention import intention, let_go
-from cheap_sensors.taught import taught
 import numpy as np
 
-from law_judge.bank import make_bank
+from friction_comp import CompensationLaw
+from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.force_sensor import CALIBRATION_TIME, ForceDirection
+from friction_comp.simulation.cheap_sensors import CheapForce
+from law_judge.bank import Bank, Joints
+from law_judge.model import true_models
 from world import gear as world
+from world.person import nobody
+
+STEP = 1e-3     # s
+# s of rest before an attempt, of the attempt, and after it.
+BEFORE, ATTEMPT, PAUSE = 0.5, 0.6, 1.0
+RATES = (50.0, 100.0)
+SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2)
+FIRST, RAMP, REST = 1.0, 6.0, 2.0
+# Stiffness of the controllers: friction holds a bare joint about 30 mrad away; damping, s.
+LAG, DAMPING = 0.03, 0.04
+WAYS = ('without', 'ours', '0.9·tanh of the measured speed', '0.9·tanh of the desired speed')
+STEEPNESS = 0.02    # rad/s at which the hyperbolic tangent bends
+# s between frames of an MIT-mode drive, and steps of 16 and 12 bit of its numbers.
+PERIOD, POSITION_STEP, VELOCITY_STEP = 0.002, 25.0 / 2**16, 90.0 / 2**12
+# rad: height of stairs that count as such, and a count of the encoder.
+STUCK, COUNT = 5e-3, 5e-4
 
 
-def main():
-    parser = table_parser(__doc__, seed=0, draws=1, hours=3.0)
-    parser.add_argument('--rows', nargs='+', default=list(ROWS), choices=ROWS)
-    options = parser.parse_args()
-    print(f'seed {options.seed} ({"tuning" if options.seed % 2 == 0 else "kept"} half)')
-    for name in options.rows:
-        began = time.time()
-        for what, value, floor in ROWS[name](options):
-            print(f'{what:74s} {value:>18s}  {floor}', flush=True)
-        print(f'# {name}: {time.time() - began:.0f} s', flush=True)
+# Force sensors.
 
+def rest_torque(random, joints, seconds):
+    """Return torque at rest, as a share of breakaway, shape (N, J): tremor that waxes and wanes.
+
+    Physiological to essential tremor, 5 to 11 Hz, up to 2 % of breakaway, with bursts over 1 to
+    10 s.
+    """
+    time = np.arange(round(seconds / STEP)) * STEP
+    size, frequency, slow, phase, other = (
+        random.uniform(low, high, joints) for low, high in (
+            (0.0, 0.02), (5.0, 11.0), (0.1, 1.0), (-math.pi, math.pi), (-math.pi, math.pi)))
+    swell = 0.5 * (1.0 + np.sin(2.0 * np.pi * slow * time[:, None] + other))
+    return size * swell * np.sin(2.0 * np.pi * frequency * time[:, None] + phase)
+
+
+class Sensors:
+    """Simulated sensors of J joints with the room's announcements for each of them."""
+
+    def __init__(self, breakaway, seed, rate=100.0):
+        self.plant = CheapForce(breakaway, seed, rate)
+        self.sources = [ForceDirection(self.plant.range) for _ in breakaway]
+        self.time = 0.0
+
+    def play(self, torque):
+        """Advance by N ms; return the directions every 10 ms, shape (N / 10, J)."""
+        length, joints = torque.shape
+        values = self.plant.sample(torque)
+        every, due = 1.0 / self.plant.rate, 0
+        directions = np.zeros((length // 10, joints), dtype=int)
+        for k in range(length // 10):
+            self.time += 10.0 * STEP
+            upto = min(len(values), round((k + 1) * 10.0 * STEP / every))
+            for j, source in enumerate(self.sources):
+                source.motion.add(self.time, 0.0)
+                fresh = values[due:upto, j]
+                if len(fresh) and np.isfinite(fresh).all():
+                    source.add(self.time, fresh)
+                directions[k, j] = source.at(self.time).direction
+            due = upto
+        return directions
+
+    def calibrate(self, torque):
+        """Calibrate at rest with torques at rest, shape (N, J), N·m."""
+        begin = round(0.5 / STEP)
+        self.play(torque[:begin])
+        for source in self.sources:
+            source.begin_calibration()
+        self.play(torque[begin:begin + round((CALIBRATION_TIME + 0.1) / STEP)])
+        for source in self.sources:
+            assert not source.failure, source.failure
+
+
+def attempts(joints, each, seed):
+    """Return delays, misses and wrong directions of attempts against a joint that is held.
+
+    The torque grows at 0.5 to 5 times breakaway per second, to 0.3 to 1 times breakaway.
+    """
+    delays, wrong, missed = [], 0, 0
+    random, breakaway, sensors = held_joints(joints, seed)
+    time = np.arange(round((BEFORE + ATTEMPT + PAUSE) / STEP)) * STEP - BEFORE
+    for _ in range(each):
+        side = random.choice([-1.0, 1.0], joints)
+        speed = np.exp(random.uniform(math.log(0.5), math.log(5.0), joints))
+        most = random.uniform(0.3, 1.0, joints)
+        push = np.minimum(most, speed * np.maximum(0.0, time[:, None])) * (time < ATTEMPT)[:, None]
+        noise = rest_torque(random, joints, len(time) * STEP)
+        found = sensors.play((noise + side * push) * breakaway)
+        at = (np.arange(len(found)) + 1) * 10.0 * STEP - BEFORE
+        during = found * ((at > 0.0) & (at < ATTEMPT))[:, None]
+        first = np.argmax(during != 0, axis=0)
+        said = during[first, np.arange(joints)]
+        missed += int((said == 0).sum())
+        wrong += int((said == -side).sum())
+        delays += at[first[said == side]].tolist()
+    return np.array(delays), missed, wrong
+
+
+def held_joints(joints, seed):
+    """Return a random generator, breakaway torques, N·m, and calibrated sensors of held joints."""
+    random = np.random.default_rng([seed, 401])
+    breakaway = np.exp(random.uniform(math.log(0.3), math.log(15.0), joints))
+    sensors = Sensors(breakaway, [seed, 402], RATES[seed // 2 % 2])
+    sensors.calibrate(rest_torque(random, joints, 4.0) * breakaway)
+    return random, breakaway, sensors
+
+
+def hours_at_rest(hours, joints, seed):
+    """Return false onsets within some hours at rest, which some joints share."""
+    random, breakaway, sensors = held_joints(joints, seed)
+    false, before, chunk = 0, np.zeros((1, joints)), 10.0
+    for _ in range(round(3600.0 * hours / joints / chunk)):
+        found = sensors.play(rest_torque(random, joints, chunk) * breakaway)
+        steps = np.concatenate([before, found])
+        false += int(((steps[1:] != 0) & (steps[:-1] == 0)).sum())
+        before = found[-1:]
+    return false
+
+
+# Followers.
+
+def follower_bank(world, draws, seed):
+    """Return a bank of gears whose encoders have the steps of an MIT-mode drive."""
+    kinds, gears = [], []
+    for kind in world.KINDS:
+        drawn = world.draw_gears(kind, draws, seed)
+        drawn['resolution'] = POSITION_STEP
+        kinds += [kind] * draws
+        gears.append(drawn)
+    gears = np.concatenate(gears)
+    return Bank(world, kinds, gears, true_models(world, gears, seed, 12), seed)
+
+
+def reference(time, speed):
+    """Return desired position and speed: out, a rest, back, a rest."""
+    t = time - FIRST
+    if t < 0.0:
+        return 0.0 * speed, 0.0 * speed
+    if t < RAMP:
+        return speed * t, speed
+    if t < RAMP + REST:
+        return speed * RAMP, 0.0 * speed
+    if t < 2.0 * RAMP + REST:
+        return speed * (2.0 * RAMP + REST - t), -speed
+    return 0.0 * speed, 0.0 * speed
+
+
+def in_steps(values, step, bits):
+    """Return values as a frame holds them: whole steps within so many bits."""
+    return np.clip(np.rint(values / step), -2**(bits - 1), 2**(bits - 1) - 1) * step
+
+
+def follow(bank, way):
+    """Return what became of each gear at each speed, arrays of shape (G, S) in rad by name.
+
+    ``rms`` is the error while the reference moves; ``stairs`` reach from the lowest to the highest
+    error of the second half of a ramp; by ``moves`` the joint moves in the last second of a rest.
+    """
+    joints = Joints(bank, speed=SPEEDS, factor=[1.0])
+    plant = joints.plant(nobody(len(joints)))
+    torque_per, speed = joints.gears['torque_per_current'], joints['speed']
+    kp, largest = joints.torque / LAG, 5.0 * joints.torque
+    law = CompensationLaw(joints.models, 'desired', sample_time=PERIOD)
+    leaders = [DesiredMotion() for _ in speed]
+    coulomb = np.array([model.sigmoid.upper for model in joints.models]) * torque_per
+    every = round(PERIOD / plant.sample_time)
+    samples = round((FIRST + 2.0 * (RAMP + REST)) / plant.sample_time)
+    errors, place = [], []
+    for k in range(samples):
+        position, velocity = plant.sample()
+        time = k * plant.sample_time
+        wanted, pace = reference(time, speed)
+        if k % every == 0:
+            seen = in_steps(position, POSITION_STEP, 16)
+            seen_velocity = in_steps(velocity, VELOCITY_STEP, 12)
+            extra = np.zeros(len(speed))
+            if way == 'ours':
+                if k % (5 * every) == 0:
+                    said = []
+                    for leader, q, where in zip(leaders, wanted.tolist(), seen.tolist()):
+                        leader.motion.add(time, where)
+                        leader.take(time, q)
+                        said.append(leader.at(time, where).direction)
+                extra = law.update(time, seen, None, np.array(said)) * torque_per
+            elif way != 'without':
+                extra = 0.9 * coulomb * np.tanh(
+                    (seen_velocity if way == WAYS[2] else pace) / STEEPNESS)
+            torque = (kp * (in_steps(wanted, POSITION_STEP, 16) - seen)
+                      + DAMPING * kp * (in_steps(pace, VELOCITY_STEP, 12) - seen_velocity)
+                      + in_steps(extra, 2.0 * largest / 2**12, 12))
+            current = np.clip(torque, -largest, largest) / torque_per
+        plant.advance(current)
+        if k % (5 * every) == 0:
+            errors.append(wanted - plant.states['link'])
+            place.append(plant.states['link'].copy())
+    time = np.arange(len(errors)) * 5 * every * plant.sample_time - FIRST
+    errors, place = np.array(errors), np.array(place)
+    ramps = [(time >= begin) & (time < begin + RAMP) for begin in (0.0, RAMP + REST)]
+    halves = [(time >= begin + 0.5 * RAMP) & (time < begin + RAMP) for begin in (0.0, RAMP + REST)]
+    rests = [(time >= end - 1.0) & (time < end) for end in (RAMP + REST, 2.0 * (RAMP + REST))]
+    shape = len(bank.gears), len(SPEEDS)
+    return {
+        'rms': np.sqrt(np.mean(errors[ramps[0] | ramps[1]]**2, axis=0)).reshape(shape),
+        'stairs': np.max([np.ptp(errors[half], axis=0) for half in halves], axis=0).reshape(shape),
+        'moves': np.max([np.ptp(place[rest], axis=0) for rest in rests], axis=0).reshape(shape)}
+
+
+# The table.
 
 def attempts_rows(options):
     # 1,000 attempts: half at each rate of values.
@@ -51,26 +246,6 @@ def attempts_rows(options):
 def rest_rows(options):
     false = hours_at_rest(options.hours, 12, options.seed)
     yield f'false onsets in {options.hours:g} h at rest', f'{false}', '1 an hour'
-
-
-def intention_rows(options):
-    bank = make_bank(world, world.KINDS, options.draws, options.seed)
-    removed = intention(bank)
-    for name, share in removed.items():
-        of_announced = 100.0 * share / removed['announced']
-        yield (f'{name}: of what an announcement removes of friction in the peak, median',
-               f'{np.nanmedian(of_announced):.0f} %', '60 %' if name == 'force' else '')
-    least = 100.0 * np.nanmin(removed['force'] - removed['d = 0'])
-    yield 'force: least gain over d = 0', f'{least:.0f} %', '≥ 0'
-
-
-def let_go_rows(options):
-    bank = make_bank(world, world.KINDS, options.draws, options.seed)
-    for what, factors in (('friction 0.70 and 0.80 of the model', (1.0 / 0.7, 1.0 / 0.8)),
-                          ('model 1 and 1.1 times the truth', (1.0, 1.1))):
-        for name, way in let_go(bank, factors).items():
-            yield (f'{name}, {what}: > 5 deg after one lets go',
-                   f'{(way > 5.0).sum()} of {len(way)}', 'that of d = 0' if name == 'force' else '')
 
 
 def follow_rows(options):
@@ -95,28 +270,17 @@ def follow_rows(options):
            f'{worse.sum()} of {worse.size}', '0')
 
 
-def ends_rows(options):
-    bank = make_bank(world, world.KINDS, 2, options.seed)
-    for told in ('end', 'direction', 'nothing'):
-        way = beyond_ends(bank, told=told)
-        yield (f'friction 0.70 of the model, {told} announced: > 5 deg beyond the end',
-               f'{(way > 5.0).sum()} of {len(way)}', '0' if told == 'end' else '')
-        yield '    farthest', f'{way.max():.0f} deg', ''
-    way = beyond_ends(bank, 'none', 'nothing')
-    yield ('    no compensation at all', f'{(way > 5.0).sum()} of {len(way)}', '')
+ROWS = {'attempts': attempts_rows, 'rest': rest_rows, 'follow': follow_rows}
 
 
-def taught_rows(options):
-    worst, missed, extra, total = taught(60, options.seed)
-    yield 'taught exercise: farthest from a turning point', f'{worst:.2f} deg', '1 deg'
-    yield 'taught exercise: turns missed, invented', f'{missed}, {extra} of {total}', '0'
-
-
-# rad: height of stairs that count as such, and a count of the encoder.
-STUCK, COUNT = 5e-3, 5e-4
-ROWS = {'attempts': attempts_rows, 'rest': rest_rows,
-        'intention': intention_rows, 'let_go': let_go_rows, 'follow': follow_rows,
-        'ends': ends_rows, 'taught': taught_rows}
+def main():
+    parser = table_parser(__doc__, seed=0, draws=1, hours=3.0)
+    parser.add_argument('--rows', nargs='+', default=list(ROWS), choices=ROWS)
+    options = parser.parse_args()
+    print(f'seed {options.seed} ({"tuning" if options.seed % 2 == 0 else "kept"} half)')
+    for name in options.rows:
+        for what, value, floor in ROWS[name](options):
+            print(f'{what:74s} {value:>18s}  {floor}', flush=True)
 
 
 if __name__ == '__main__':
