@@ -28,7 +28,7 @@ class Drive:
     Raises
     ------
     InputError
-        If a number is not finite or not positive.
+        If a number is not finite or not positive, or k_t · n is absurd.
     """
 
     torque_constant: float
@@ -40,6 +40,8 @@ class Drive:
         for name in ('torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'):
             if name != 'encoder_counts' or self.encoder_counts is not None:
                 check_number(getattr(self, name), f'drive.{name}', above=0.0)
+        check_number(self.torque_per_current, 'drive.torque_constant times drive.gear_ratio',
+                     least=1e-9, most=1e9)
 
     @property
     def torque_per_current(self) -> float:

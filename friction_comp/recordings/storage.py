@@ -143,9 +143,11 @@ class Storage:
         return found or files
 
     def add_custom(self, metadata: Any) -> None:
-        """Take over the custom_data of rosbag2's metadata."""
-        custom = metadata.get('custom_data') or {}
-        self.custom = {**{str(key): str(value) for key, value in custom.items()}, **self.custom}
+        """Take over the texts in custom_data of rosbag2's metadata."""
+        custom = metadata.get('custom_data') if isinstance(metadata, dict) else None
+        if isinstance(custom, dict):
+            self.custom = {**{key: value for key, value in custom.items()
+                              if isinstance(key, str) and isinstance(value, str)}, **self.custom}
 
 
 def _read_mcap(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
@@ -174,8 +176,10 @@ def _read_mcap(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
             elif opcode == Opcode.METADATA:
                 about = Metadata.read(record)
                 if about.name == 'rosbag2':
-                    storage.add_custom(parse_yaml(about.metadata.get(
-                        'serialized_metadata', ''), 'metadata', references=True) or {})
+                    # Damaged metadata cost nothing that was measured.
+                    with suppress(InputError):
+                        storage.add_custom(parse_yaml(about.metadata.get(
+                            'serialized_metadata', ''), 'metadata', references=True))
 
 
 def _mcap_records(storage: Storage, stream: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
@@ -201,10 +205,12 @@ def _mcap_records(storage: Storage, stream: BinaryIO, size: int) -> Iterator[tup
             continue
         begin, plain = 0, _unpacked_chunk(content)
         while begin < len(plain):
-            inner, length = _RECORD.unpack_from(plain, begin)
-            begin += _RECORD.size
-            yield inner, plain[begin:begin + length]
-            begin += length
+            inner, length = _RECORD.unpack(
+                plain[begin:begin + _RECORD.size].ljust(_RECORD.size, b'\xff'))
+            begin += _RECORD.size + length
+            if begin > len(plain):
+                raise ValueError('a record reaches beyond its chunk')
+            yield inner, plain[begin - length:begin]
 
 
 def _unpacked_chunk(record: bytes) -> bytes:

@@ -8,6 +8,7 @@ name is the folder of a rosbag2 recording.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from friction_comp.errors import InputError
@@ -30,7 +31,7 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.recordings.tables import write_table
 
     output = arguments.output
-    if output.exists():
+    if os.path.lexists(output):
         raise InputError(f'{output}: already exists; recordings are not overwritten')
     check_file(output)
     with progress('reading') as report:
