@@ -122,7 +122,11 @@ def report_fields() -> str:
             ('`evaluate`', Evaluation, {'`repetitions`'}),
             ('an entry of `conditions`', Condition, curves - {'`repetitions`'}),
             ('an entry of `comparisons`', Comparison, set())):
-        parts.append(rows([title, ''], [row for row in fields(kind) if row[0] not in left_out]))
+        own = [row for row in fields(kind) if row[0] not in left_out]
+        # Names that say all stand together.
+        plain = ', '.join(name for name, meaning in own if not meaning)
+        parts.append(rows([title, ''], [
+            *([[plain, '']] if plain else []), *(row for row in own if row[1])]))
     return '\n'.join(parts)
 
 

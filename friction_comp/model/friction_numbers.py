@@ -52,23 +52,21 @@ class FrictionNumbers:
     """Friction of a joint that slides without load, and what belongs to it, in a model's unit."""
 
     offset: float | None  # part of Coulomb friction without motion in both directions
-    coulomb: float
-    viscous: float
-    inertia: float | None
-    transition: float
-    shift: float
-    # Coulomb friction with the mean of what the load adds to it in the recorded motion; None if the
-    # model has no friction by load, or the loads are not known.
+    coulomb: float          # sliding friction that does not depend on speed
+    viscous: float          # what each rad/s adds
+    inertia: float | None   # what each rad/s² takes
+    transition: float       # speed over which friction changes its sign, rad/s
+    shift: float            # speed at which it does, rad/s
+    # With the mean of what the load adds to it in the recorded motion, where that is known.
     coulomb_with_load: float | None
     intervals: dict[str, list[float]]  # 95 %, those that the model holds
-    # By direction, with what is held there: weight, offset; `friction` is half of what lies between
-    # the directions, which holds nothing.
+    # By direction, with what is held there; `friction` is half of what lies between them.
     breakaway: dict[str, Any] | None
     presliding: dict[str, float] | None  # distance and std, rad
     beside: list[Beside]    # the other effects
-    unit: str
+    unit: str               # of all numbers
     torque_per_current: float | None  # None where it is not known, as of counts
-    inertia_holds: str
+    inertia_holds: str      # of what the inertia is
     formula: str            # of `FrictionModel.predict`, but for what is left out
     left_out: list[Beside]  # of the formula
 
