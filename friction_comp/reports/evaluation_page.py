@@ -134,10 +134,6 @@ def remarks(evaluation: Evaluation) -> list[str]:
             f'**In {starts} repetitions the joint started by itself.** Lower `breakaway_gain` or '
             'identify again.' if evaluation.measured
             else f'In {starts} repetitions the joint started early, by itself or pushed.')
-    if against := sum(c.repetitions for c in evaluation.conditions
-                      if c.compensation.announced < 0):
-        sentences.append(f'{against} movements went against the announced direction; they are '
-                         'listed separately.')
     return sentences
 
 

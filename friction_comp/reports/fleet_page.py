@@ -21,8 +21,6 @@ from friction_comp.reports.html import Link, Report
 from friction_comp.reports.refinement_page import effect_names
 
 _VERDICTS = ('trust', 'trust in part', 'record again')
-# Units up to which each has an interval in the figure.
-_MOST_INTERVALS = 60
 
 
 def verdict(content: dict[str, Any]) -> str:
@@ -126,8 +124,6 @@ def _fleet_figure(population: Population) -> Figure:
                           [''] * (len(parameters) - 1) + ['units'], 1.0)
     for one, axis in zip(parameters, axes):
         _draw_parameter(axis, one, count)
-        axis.set_xlim(-1.0, count)
-        axis.set_xticks([])
     return figure
 
 
@@ -138,8 +134,8 @@ def _draw_parameter(axis: Axes, one: ParameterSpread, count: int) -> None:
     axis.axhspan(*one.range, color=COLOURS['faint'], alpha=0.25, linewidth=0)
     axis.axhline(one.mean, color=COLOURS['faint'], linewidth=0.9)
     for chosen, colour in ((~out, 'measured'), (out, 'out')):
-        bars = np.abs(ends[:, chosen] - values[chosen]) if count <= _MOST_INTERVALS else None
-        axis.errorbar(np.nonzero(chosen)[0], values[chosen], bars, fmt='o', markersize=3.0,
+        axis.errorbar(np.nonzero(chosen)[0], values[chosen],
+                      np.abs(ends[:, chosen] - values[chosen]), fmt='o', markersize=3.0,
                       linewidth=0.9, color=COLOURS[colour])
     for k in np.nonzero(out)[0]:
         axis.annotate(one.units[k].unit, (k, values[k]), xytext=(4, 2), fontsize=8,
@@ -148,8 +144,7 @@ def _draw_parameter(axis: Axes, one: ParameterSpread, count: int) -> None:
     # An interval of one unit must not make the differences between all others invisible.
     low, high = min(values.min(), one.range[0]), max(values.max(), one.range[1])
     margin = 0.2 * (high - low) + 1e-12
-    axis.set_ylim(low - margin, high + margin)
-    axis.set_title(one.name)
+    axis.set(xlim=(-1.0, count), xticks=[], ylim=(low - margin, high + margin), title=one.name)
 
 
 def _spread(one: ParameterSpread) -> str:

@@ -37,7 +37,6 @@ NAMES = {'coulomb': ('Coulomb', 'A'), 'coulomb_with_load': ('… with load', 'A'
          'stribeck': ('Stribeck, at standstill', 'A'),
          'stribeck_speed': ('Stribeck speed', 'rad/s'), 'transition': ('transition', 'rad/s'),
          'inertia': ('inertia', 'A·s²/rad')}
-_LIKE_RECORDED = ' this model for motions like the recorded one.'
 # What cannot be judged, by the finding that says so; `standstill` never can.
 _NOT_JUDGED = {'no_presliding': 'starts and turns', 'no_load': 'load',
                'no_temperature': 'temperature'}
@@ -184,7 +183,8 @@ def reading(report: RefinementReport) -> list[str]:
 def action(report: RefinementReport) -> tuple[str, str]:
     """Return the verdict as what to do, and why."""
     word = report.verdict[0].upper() + report.verdict[1:]
-    return word, _LIKE_RECORDED if report.verdict == 'trust' else f': {report.reasons[0]}'
+    return word, (' this model for motions like the recorded one.' if report.verdict == 'trust'
+                  else f': {report.reasons[0]}')
 
 
 def errors(report: RefinementReport) -> list[tuple[str, str, str]]:
