@@ -89,6 +89,15 @@ def score_error(how, table):
     return float(np.sqrt(np.mean(error ** 2)))
 
 
+def moving_error(model, parts):
+    """Return the RMS error of a model in motion of recordings."""
+    errors = []
+    for part in parts:
+        speed = np.abs(model.differentiated(part).velocity)
+        errors.append((part.current - model.predict(part))[speed > 0.02 * np.quantile(speed, 0.95)])
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+
 def run(arguments):
     """Run a tool of the package; return its exit code, standard error and CPU seconds."""
     with tempfile.TemporaryFile() as heard:

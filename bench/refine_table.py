@@ -87,7 +87,9 @@ def one_draw(task):
         'unexplained': unexplained,
         'ambiguous': [entry.between for entry in report.ambiguous],
         'named': named, 'only': only, 'ratio': error(result.model, score) / floor,
-        'before': report.before.held_out_rmse / floor, 'seconds': seconds}
+        'before': report.before.held_out_rmse / floor, 'seconds': seconds,
+        'elsewhere': error(result.model, score) / report.after.elsewhere_motion_rmse,
+        'codes': sorted({one.code for one in report.findings if one.grade != 'trust'})}
 
 
 def tasks(options):

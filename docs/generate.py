@@ -131,14 +131,10 @@ def report_fields() -> str:
 
 
 def findings() -> str:
-    """Return the codes of refinement's findings, by the best verdict that each allows."""
-    from friction_comp.refinement.findings import grades
+    """Return the codes of refinement's findings, with what each says."""
+    from friction_comp.refinement.findings import CODES
 
-    by_grade: dict[str, list[str]] = {}
-    for code, grade in grades().items():
-        by_grade.setdefault(grade, []).append(f'`{code}`')
-    return rows(['verdict at best', '`code`'],
-                [[f'`{grade}`', ', '.join(codes)] for grade, codes in by_grade.items()])
+    return rows(['`code`', ''], [[f'`{code}`', said] for code, said in CODES.items()])
 
 
 def effects() -> str:

@@ -12,7 +12,6 @@ from friction_comp.refinement import refine
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.prepare import join, prepare
 from friction_comp.refinement.search import own_shares
-from friction_comp.refinement.stability import intervals
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -82,18 +81,3 @@ def test_neither_sign_nor_origin_of_position_matters(change, of_places):
             rows.coverage)]))
     assert shares[1] == pytest.approx(shares[0], rel=1e-3)
     assert places[1] == pytest.approx(of_places(places[0]), abs=1e-6)
-
-
-@pytest.mark.parametrize('unit', [1e3, 1e-3])
-def test_the_unit_of_the_load_does_not_decide_what_is_certain(unit):
-    """The power of the load is uncertain, and so is friction at 1 of a unit that never occurs."""
-    samples = joint(1, 30.0, load=(4.0, 1.0))
-    certain = []
-    for scale in (1.0, unit):
-        rows, _ = prepare(samples.with_(load=scale * samples.load), DRIVE, declared=False)
-        table = Table(rows, 2.0 / rows.coverage.transition)
-        terms = table.add([Term(EFFECTS['load_torque']), Term(
-            EFFECTS['load_friction'], {'exponent': 1.0, 'transition': rows.coverage.transition})])
-        bounds = intervals(table, terms)
-        certain.append(bounds.excludes_zero(table, terms[1]))
-    assert certain == [True, True]

@@ -89,7 +89,7 @@ def test_joints_that_move_together_cannot_be_told_apart():
                + 0.02 * rng.standard_normal(len(q)))
     report = refine([seen_by('shoulder', ('shoulder', 'elbow'), current, (q, v, a))]).report
     assert report.verdict == 'record again'
-    assert 'moves_as_one' in {one.code for one in report.findings}
+    assert 'other_joints' in {one.code for one in report.findings}
 
 
 NAMES = ('pitch', 'roll')

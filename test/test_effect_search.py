@@ -8,10 +8,11 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.effect_columns import proposals, Table, Term
+from friction_comp.refinement.best_fit import Fit
+from friction_comp.refinement.effect_columns import Table, Term
+from friction_comp.refinement.intervals import intervals
 from friction_comp.refinement.prepare import prepare
-from friction_comp.refinement.search import adjust_constants, Search, total
-from friction_comp.refinement.stability import intervals, repeat_search
+from friction_comp.refinement.search import adjust_constants, Search
 from friction_comp.refinement.thresholds import table as thresholds
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}
@@ -51,7 +52,7 @@ def test_terms_that_take_the_place_of_others_have_their_own_sums(rippled):
     assert rippled.sums.part(rippled.indices(terms)).gram == pytest.approx(
         fresh.sums.part(fresh.indices(terms)).gram, rel=1e-9, abs=1e-9)
     part = rippled.part([last, stays])
-    assert part.block_errors([stays, last]) == pytest.approx(fresh.block_errors([stays, last]))
+    assert part.errors([stays, last]) == pytest.approx(fresh.errors([stays, last]))
 
 
 def test_of_two_forms_of_an_effect_a_search_compares_the_better_one():
@@ -62,7 +63,8 @@ def test_of_two_forms_of_an_effect_a_search_compares_the_better_one():
     samples = swings(2)
     friction = EFFECTS['hysteresis']({**forms[0].constants, 'coefficients': [0.2, 0.0]})
     reverses = table_of(samples.with_(current=samples.current + friction.current(samples)))
-    search = Search(reverses, reverses.add(forms))
+    search = Search(reverses)
+    search.candidates = reverses.add(forms)
     assert search.shortlist([]) == forms[:1]
     assert search.shortlist(forms[:1]) == []
 
@@ -78,8 +80,7 @@ def test_the_transition_goes_where_friction_changes_its_sign():
 
 
 def test_a_search_names_what_is_there_and_no_more(rippled):
-    search = Search(rippled, rippled.add(proposals(rippled, [])))
-    found = search.forward([])
+    found = Search(rippled).forward([])
     assert [term.kind.name for term in found] == ['cogging']
     assert found[0].constants['frequency'] == pytest.approx(14.0, abs=1.0)
 
@@ -87,14 +88,14 @@ def test_a_search_names_what_is_there_and_no_more(rippled):
 @pytest.mark.parametrize('seed', range(4))
 def test_a_search_names_nothing_on_a_plain_drive(seed):
     plain = table_of(swings(20 + seed))
-    search = Search(plain, plain.add(proposals(plain, [])))
+    search = Search(plain)
     assert search.forward([]) == []
 
 
 def test_only_effects_that_the_data_support_are_kept(rippled):
     terms = [Term(EFFECTS['inertia']), Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['gravity'])]
     terms = rippled.add(terms)
-    search = Search(rippled, [])
+    search = Search(rippled)
     assert search.backward(terms) == [terms[1]]
     search.fixed = terms[:1]
     assert search.backward(terms) == [terms[0], terms[1]]
@@ -103,18 +104,10 @@ def test_only_effects_that_the_data_support_are_kept(rippled):
 def test_an_effect_is_exchanged_for_one_that_predicts_better(rippled):
     worse, better = (rippled.add([Term(EFFECTS[name], COGGING)])[0]
                      for name in ('friction_ripple', 'cogging'))
-    search = Search(rippled, [worse, better])
-    assert search.exchange([worse]) == [better]
-    assert search.exchange([better]) == [better]
-
-
-def test_a_drawn_part_is_judged_by_the_blocks_that_were_not_drawn(plain):
-    weights = np.bincount(np.random.default_rng(4).integers(0, 16, 16), minlength=16)
-    columns = plain.indices([])
-    fit = plain.sums.fits(columns, weights[None].astype(float))
-    errors = plain.sums.squared_errors(columns, np.repeat(fit, 16, axis=0))
-    held_out = Search(plain, [], weights=weights).errors([])
-    assert total(held_out) == pytest.approx(errors[weights == 0].sum())
+    search = Search(rippled)
+    found, = search.exchange([worse])
+    assert found.kind is better.kind
+    assert search.exchange(rippled.add([better])) == [better]
 
 
 @pytest.mark.parametrize(('name', 'constants', 'shape', 'constant', 'first'), [
@@ -134,31 +127,18 @@ def test_a_constant_between_the_points_of_its_grid_is_found(name, constants, sha
     value = terms[0].constants[constant]
     assert value == pytest.approx(constants[constant], rel=0.01 if name == 'cogging' else 0.15)
     assert np.sum(found.residual(terms) ** 2) < before
-    low, high = intervals(found, terms).constants[terms[0], constant]
+    low, high = intervals(Fit(found, terms, 0, RAW)).constants[terms[0], constant]
     assert low < constants[constant] < high
 
 
 def test_intervals_contain_the_truth_and_show_absent_effects(rippled):
     terms = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
-    found = intervals(rippled, terms)
+    found = intervals(Fit(rippled, terms, 0, RAW))
     (cosine, sine), (inertia,) = (rippled.columns_of[term] for term in terms)
     for place, true in ((1, 0.5), (2, 0.2), (cosine, 0.1), (sine, 0.0), (inertia, 0.0)):
         low, high = found.coefficients[place]
         assert low <= true <= high
         assert high - low < 0.06
-    assert found.excludes_zero(rippled, terms[0])
-    assert not found.excludes_zero(rippled, terms[1])
-
-
-def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(rippled, plain):
-    candidates = rippled.add(proposals(rippled, []))
-    terms = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
-    found = repeat_search(rippled, terms, 0, candidates)
-    assert found[terms[0]] > 0.9
-    assert found[terms[1]] < 0.2
-    candidates = plain.add(proposals(plain, []))
-    nothing = repeat_search(plain, candidates, 0, candidates)
-    assert max(nothing.values()) < 0.3
 
 
 def test_every_threshold_has_a_unit_and_a_reason():
@@ -166,18 +146,3 @@ def test_every_threshold_has_a_unit_and_a_reason():
     assert len(rows) > 8
     assert all(np.isfinite(value) and len(reason) > 10 for _, value, _, reason in rows)
     assert all(unit for name, _, unit, _ in rows)
-
-
-def test_a_weight_that_an_offset_may_stand_in_for_is_certain_all_the_same():
-    """Over half a radian its constant part may be the offset's, but its slope may not."""
-    motion = swings(3)
-    position = 0.15 * motion.position / np.abs(motion.position).max() + 0.8
-    rng = np.random.default_rng(3)
-    samples = motion.with_(
-        position=position, velocity=np.gradient(position, motion.sample_time), acceleration=None,
-        current=motion.current + 0.1 * np.sin(position) + 0.02 * rng.standard_normal(len(motion)))
-    table = table_of(samples)
-    terms = table.add([Term(EFFECTS['gravity'])])
-    table.fit_transition(terms)
-    bounds = intervals(table, terms)
-    assert bounds.excludes_zero(table, terms[0])

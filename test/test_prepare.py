@@ -2,10 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From recordings to rows of a fit: motion, blocks of time, lag, limits and load."""
 
-from dataclasses import replace
-
 from helpers import sines
-from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -14,11 +11,9 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.prepare import clipped, coverage_of, join, prepare, samples_per_row
-from friction_comp.refinement.recorded_motion import blocks_of, load_coefficient, row_starts
-from friction_comp.refinement.refine import select_named
+from friction_comp.refinement.recorded_motion import load_coefficient, row_starts
 from friction_comp.refinement.search import adjust_constants
 from friction_comp.samples import Samples
 
@@ -175,20 +170,6 @@ def test_standstill_is_not_fitted():
     assert settings['source'] == 'position'
 
 
-@given(st.integers(1, 12), st.integers(0, 1000))
-def test_blocks_are_long_pieces_of_time_one_after_the_other(recordings, seed):
-    rng = np.random.default_rng(seed)
-    parts = [swings(k, float(rng.uniform(5.0, 20.0))) for k in range(recordings)]
-    samples = Samples.concatenate(parts)
-    start = np.arange(0, len(samples), 2)
-    block = blocks_of(samples, start)
-    assert np.isin(np.diff(block), (0, 1)).all()
-    sizes = np.bincount(block)
-    assert block[0] == 0
-    assert len(sizes) <= 16
-    assert sizes.min() > 0.3 * len(start) / 16
-
-
 def test_rows_are_averages_of_samples_that_belong_together():
     samples = swings(3, duration=400.0, step=0.001)
     usable = np.abs(samples.velocity) > 0.02
@@ -269,35 +250,6 @@ def test_bumps_are_not_looked_for_where_every_place_is_passed_in_one_motion():
                           current=np.tanh(velocity / 0.02))
         coverage = coverage_of(samples, np.abs(velocity) > 0.01, 0.01, samples)
         assert ('bumps' in EFFECTS['bump'].insufficient_data(coverage)) is one
-
-
-def test_what_only_the_posture_left_out_shows_has_no_coefficient_in_the_others():
-    rows, _ = prepare(join([swings(2)]), DRIVE)
-    position = np.asarray(rows.at_rows.position)
-    top = float(position.max())
-    table = Table(replace(rows, region=(position > 0.5 * top).astype(int)), 20.0)
-    bump = Term(EFFECTS['bump'], {'position': top, 'width': 0.02 * top, 'exponent': 2.0,
-                                  'directional': 1.0, 'transition': 0.01})
-    table.add([bump])
-    columns = table.indices([bump], derivatives=False)
-    assert table.sums.fit(columns)[-1] != 0.0
-    assert table.without(1).sums.fit(columns)[-1] == 0.0
-
-
-def test_waves_that_differ_by_less_than_a_tenth_over_the_range_are_one():
-    """A wave that grows along the range: two large ones would cancel at its middle."""
-    motion = swings(3)
-    wave = 0.1 * (1.0 + motion.position) * np.cos(95.2 * motion.position)
-    rows, settings = prepare(join([motion.with_(current=motion.current + wave)]), DRIVE)
-    table, span = Table(rows, 200.0), rows.coverage.span
-    one, twin, other = table.add([
-        Term(EFFECTS['cogging'], {'frequency': 95.2 + waves * 2.0 * np.pi / span, 'growth': 0.0,
-                                  'speed': 1.0, 'transition': 0.01}) for waves in (0, 0.03, 5)])
-    assert twin.repeats(one, span)
-    assert not other.repeats(one, span)
-    fit = select_named(Fit(table, [one, twin], 0, settings, [one, twin]))
-    assert len(fit.terms) == 1
-    assert abs(fit.terms[0].constants['frequency'] - 95.2) < 1.0
 
 
 def test_a_constant_at_its_upper_limit_is_adjusted_too():

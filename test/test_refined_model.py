@@ -74,7 +74,7 @@ def test_breakaway_of_another_day_changes_with_friction(level, factor):
     assert both.positive_mean == pytest.approx(0.6 * factor, rel=0.02)
     assert both.negative_mean == pytest.approx(-0.56 * factor, rel=0.02)
     assert both.positive_std == pytest.approx(0.03 * factor, rel=0.02)
-    said = [one.text for one in result.report.findings if one.code == 'breakaway_taken_along']
+    said = [one.text for one in result.report.findings if 'Breakaway friction' in one.text]
     assert len(said) == (factor != 1.0)
     assert result.report.friction.breakaway['positive']['mean'] == both.positive_mean
 

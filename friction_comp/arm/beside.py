@@ -31,6 +31,8 @@ from friction_comp.samples import Samples
 
 # Steps by which constants are changed, see `search.step_size`: a parabola gives the best.
 _STEPS = (0.5, 0.1)
+# Share of both gains that is enough for an effect to stay in a fit.
+_STAYS = 0.5
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ class Beside:
             without = [(sums.errors([other for other in kept if other != term]), term)
                        for term in kept]
             useless = [(float(errors.sum()), term) for errors, term in without
-                       if not _improves(errors, full, 1.0 if term.group else thresholds.STAYS)]
+                       if not _improves(errors, full, 1.0 if term.group else _STAYS)]
             if not useless:
                 return kept
             kept.remove(min(useless, key=lambda trial: trial[0])[1])

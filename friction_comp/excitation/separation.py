@@ -21,7 +21,7 @@ from friction_comp.model.effects import Coverage, Effect, EFFECTS
 from friction_comp.refinement.block_sums import column_shares
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.recorded_motion import blocks_of, in_motion, row_starts
+from friction_comp.refinement.recorded_motion import in_motion, row_starts
 from friction_comp.samples import Samples
 
 Pair = tuple[str, str]
@@ -122,10 +122,9 @@ def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> 
     except InputError:
         return dict.fromkeys(pairs, 0.0)
     start = row_starts(samples, usable, 1)
-    block = blocks_of(samples, start)
     table = Table(Rows(
         samples=samples, target=samples.current, usable=usable, clipped=nothing,
-        coverage=coverage, start=start, length=1, block=block, region=np.zeros_like(block)),
+        coverage=coverage, start=start, length=1, block=np.zeros(len(start), dtype=int)),
         2.0 / coverage.transition)
     names = dict.fromkeys(name for pair in pairs for name in pair)
     keys = {name: table.add(terms_of(name, coverage)) for name in names}

@@ -25,6 +25,8 @@ from friction_comp.samples import Samples
 
 # Share of a joint's recordings that must show an effect.
 _SHARE = 0.5
+# Blocks of time of a recording.
+_BLOCKS = 16
 # Effects that need the rest of the arm.
 _OF_THE_ARM = ('other_joints', 'rigid_body', 'carried_load_friction')
 
@@ -80,7 +82,11 @@ class CommonModel:
         table = Table(rows, *self.transition)
         if len(table.add(self.terms)) < len(self.terms):
             raise InputError('an effect is not finite in the recordings')
-        return table.sums.part(table.indices(self.terms)).merged(table.block)
+        columns = table.indices(self.terms)
+        # What repeats in a recording scatters over time; regimes would count what the model lacks.
+        block = np.argsort(np.argsort(rows.start)) * _BLOCKS // len(rows.start)
+        return BlockSums.over(np.vstack((table.columns[columns], table.target)), block,
+                              table.sums.signs[columns])
 
     @property
     def columns(self) -> list[int]:

@@ -22,7 +22,7 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.fleet.common_model import CommonModel, Compared
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.block_sums import BlockSums
+from friction_comp.refinement.block_sums import BlockSums, squared_errors
 from friction_comp.results import plain
 from friction_comp.statistics import CONFIDENCE, student_quantile, student_tail
 
@@ -122,7 +122,7 @@ def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
     left_out = sums.fits(with_derivatives, 1.0 - np.eye(count))
     deviations = (left_out - left_out.mean(axis=0))[:, chosen]
     # Errors of the fit to all blocks: one block may hold the only slow motion.
-    squares = sums.errors_of_fit(with_derivatives) / np.maximum(sums.rows, 1)
+    squares = squared_errors(sums.gram, sums.fit(with_derivatives)[None]) / np.maximum(sums.rows, 1)
     mean = float(np.average(squares, weights=sums.rows))
     spread = float(np.std(squares, ddof=1)) / math.sqrt(count) / max(mean, 1e-300)
     return _Estimate(

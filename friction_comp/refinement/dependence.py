@@ -12,11 +12,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import functools
-from itertools import combinations, product
+from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from friction_comp.model.effects.base import segment_starts
 from friction_comp.refinement import thresholds
@@ -28,10 +27,8 @@ _FLIPS, _FEW_FLIPS, _CHANCE = 1500, 50, 0.001
 _OUTLYING = 8.0
 _SINGLE = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
            'load': 12, 'temperature': 10}
-_PAIRED = {'position': 12, 'velocity': 8, 'time': 12, 'acceleration': 6, 'load': 8,
-           'temperature': 6}
-# A pair of these variables is preferred unless another pair explains this many times as much.
-_STATE, _OTHER_PAIR = frozenset(('position', 'velocity', 'load', 'temperature')), 1.5
+# Ranges of each of two variables.
+_OF_PAIR = 8
 _FEWEST_BLOCKS, _MOST_BLOCKS = 20, 400
 
 
@@ -85,8 +82,7 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
         known = {item.variable for item in dependences}
         dependences += [_dependence(name, strength * share, values, ' and '.join(pair))
                         for name in pair if name not in known]
-    dependences.sort(key=lambda item: -item.strength)
-    return dependences + _inseparable(dependences, signals)
+    return sorted(dependences, key=lambda item: -item.strength)
 
 
 @functools.lru_cache(maxsize=1)
@@ -117,13 +113,6 @@ def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray) 
     return (explained - expected) / (1.0 - expected)
 
 
-def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
-    """Return the absolute rank correlation of two signals."""
-    if np.ptp(first) == 0 or np.ptp(second) == 0:
-        return 0.0
-    return abs(float(stats.spearmanr(first, second).statistic))
-
-
 def _signals(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
     signals: dict[str, Any] = {name: getattr(samples, name) for name in (
         'velocity', 'position', 'acceleration', 'time', 'load', 'temperature')}
@@ -151,34 +140,15 @@ def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.nd
 def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray
                     ) -> tuple[tuple[str, ...], float]:
     """Return the two variables that together explain most, and the share that they explain."""
-    ranges = {name: _ranges(signals[name], count) for name, count in _PAIRED.items()
-              if name in signals}
+    ranges = {name: _ranges(signals[name], _OF_PAIR) for name in _SINGLE
+              if name in signals and name != 'history'}
     block, _ = _blocks(values)
-    best: tuple[float, float, tuple[str, ...]] = (0.0, 0.0, ())
+    best: tuple[float, tuple[str, ...]] = (0.0, ())
     for names in combinations(ranges, 2):
-        cell = ranges[names[0]] * (int(ranges[names[1]].max()) + 1) + ranges[names[1]]
-        if 'velocity' not in names:
-            cell = 2 * cell + side
+        cell = 2 * (_OF_PAIR * ranges[names[0]] + ranges[names[1]]) + side
         cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
-        strength = explained_share(values, cell, block)
-        weighted = strength * (_OTHER_PAIR if _STATE.issuperset(names) else 1.0)
-        best = max(best, (weighted, strength, names))
-    return best[2], best[1]
-
-
-def _inseparable(dependences: list[Dependence], signals: dict[str, np.ndarray]) -> list[Dependence]:
-    """Return the variables that the recording cannot distinguish from those found."""
-    known = {item.variable for item in dependences}
-    recorded = {name: values for name, values in signals.items() if name != 'history'}
-    inseparable = []
-    for item, (name, values) in product(dependences, recorded.items()):
-        if name not in known and item.variable in recorded and rank_correlation(
-                values, recorded[item.variable]) > thresholds.INSEPARABLE:
-            known.add(name)
-            inseparable.append(Dependence(
-                name, item.strength, f'{name} changed with {item.variable} throughout the '
-                'recording, so that the error may depend on it instead'))
-    return inseparable
+        best = max(best, (explained_share(values, cell, block), names))
+    return best[1], best[0]
 
 
 def share_of_means(values: np.ndarray, cells: np.ndarray) -> float:

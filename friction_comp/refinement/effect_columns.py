@@ -19,7 +19,6 @@ import numpy as np
 
 from friction_comp.model.arm import friction_groups, Group, groups_for
 from friction_comp.model.effects import Effect, EFFECTS, ResidualView
-from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.recorded_motion import TRANSITIONS
@@ -56,12 +55,12 @@ class Term:
         """Return the term's columns on all samples, shape (N, M)."""
         if self.group is not None:
             assert rows.motion is not None, 'groups are made of the motion of several joints'
-            return rows.as_recorded(self.group.columns(rows.joints, *rows.motion))
-        return rows.as_recorded(self.kind.matrix(rows.samples, self.constants))
+            return self.group.columns(rows.joints, *rows.motion)
+        return self.kind.matrix(rows.samples, self.constants)
 
     def at_rows(self, rows: Rows) -> np.ndarray:
         """Return the term's columns on rows, shape (M, R)."""
-        if self.group is None and not (self.kind.has_memory or rows.time_constant):
+        if self.group is None and not self.kind.has_memory:
             return self.kind.matrix(rows.at_rows, self.constants).T
         return rows.averaged(self.columns(rows)).T
 
@@ -69,15 +68,6 @@ class Term:
     def choice(self) -> tuple[Any, ...]:
         """What it is, of which form, constants or the width of a group are one choice."""
         return self.kind.form_of or self.kind, self.group and replace(self.group, width=0.0)
-
-    def repeats(self, other: Term, span: float) -> bool:
-        """Return whether another term is a ripple of the same shape and about the same wave.
-
-        Over the range of position, `span` rad, they are less than a tenth of a wave apart: large
-        ones that cancel are one wave whose size changes.
-        """
-        return ('frequency' in self.constants and self.same_effect(other, 10.0 * span)
-                and self.constants['growth'] == other.constants['growth'])
 
     def same_effect(self, other: Term, span: float) -> bool:
         """Return whether another term is the same effect with similar constants.
@@ -107,29 +97,19 @@ def eq6_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
     slope = 1.0 - transition ** 2
     # In motion in one direction, an offset and Coulomb friction are the same.
     bidirectional = 1.0 if rows.coverage.both_directions else 0.0
-    return rows.as_recorded(np.column_stack((
+    return np.column_stack((
         np.full(len(v), bidirectional), transition, v, half * slope,
-        -0.5 * bidirectional * steepness * slope)))
+        -0.5 * bidirectional * steepness * slope))
 
 
 class Table:
-    """Columns of terms on the rows of a recording, shape (P, R), and their sums over cells.
-
-    A cell has the rows of one block and one region of posture: its indices `block` and `region`.
-    """
+    """Columns of terms on the rows of a recording, shape (P, R), and their sums over regimes."""
 
     def __init__(self, rows: Rows, steepness: float, shift: float = 0.0) -> None:
         self.rows, self.target = rows, rows.averaged(rows.target)
         self.transition = steepness, shift  # of Eq. 6, s/rad and rad/s
         self.columns_of: dict[Term, list[int]] = {}  # indices of the columns of each term added
-        cells, cell = np.unique(
-            rows.block * (int(rows.region.max()) + 1) + rows.region, return_inverse=True)
-        order = np.argsort(cell, kind='stable')
-        self._cells = [_as_slice(rows) for rows in np.split(order, np.searchsorted(
-            cell[order], np.arange(1, len(cells))))]
-        self.block_rows = [_as_slice(np.nonzero(rows.block == k)[0]) for k in range(rows.blocks)]
-        self.block, self.region = np.divmod(cells, int(rows.region.max()) + 1)
-        self.sums = BlockSums.over(self.target[None], self._cells, np.empty(0, dtype=int))
+        self.sums = BlockSums.over(self.target[None], rows.block)
         self.columns = np.empty((0, len(self.target)))
         self._unused: list[int] = []  # indices of columns that no term has
         self._set(self._places(EQ6_COLUMNS), self._base(steepness, shift), _EQ6_SIGNS)
@@ -146,20 +126,6 @@ class Table:
             part.columns_of[term] = [size + k for k in range(len(self.columns_of[term]))]
             size += len(self.columns_of[term])
         return part
-
-    def without(self, region: int) -> Table:
-        """Return the sums of all cells but those of a region; columns cannot be changed in it.
-
-        A column that hardly differs from zero in them, as a bump in the region, is zero: any
-        coefficient would fit.
-        """
-        rest, kept = copy.copy(self), self.region != region
-        rest.sums = BlockSums(self.sums.gram[kept], self.sums.rows[kept], self.sums.signs)
-        unknown = np.flatnonzero(rest.sums.norms < thresholds.OWN_SHARE * self.sums.norms)
-        rest.sums.gram[:, unknown] = rest.sums.gram[:, :, unknown] = 0.0
-        rest.block, rest.region = (np.unique(which[kept], return_inverse=True)[1]
-                                   for which in (self.block, self.region))
-        return rest
 
     def add(self, terms: Sequence[Term], part: Table | None = None) -> list[Term]:
         """Add terms, whose columns a part of the table may have; return the finite ones."""
@@ -201,7 +167,7 @@ class Table:
     def _set(self, places: Sequence[int], columns: np.ndarray, signs: Sequence[int]) -> None:
         """Replace some columns, and their sums of products with all others and the target."""
         self.columns[places], self.sums.signs[places] = columns, signs
-        for gram, rows in zip(self.sums.gram, self._cells):
+        for gram, rows in zip(self.sums.gram, self.rows.parts):
             every, own, target = self.columns[:, rows], columns[:, rows], self.target[rows]
             products = own @ every.T
             gram[places, :-1], gram[:-1, places] = products, products.T
@@ -212,39 +178,19 @@ class Table:
         base = range(EQ6_COLUMNS if derivatives else EQ6_LINEAR)
         return [*base, *(column for term in terms for column in self.columns_of[term])]
 
-    def sums_over(self, terms: Sequence[Term], part: np.ndarray) -> BlockSums:
-        """Return the sums of Eq. 6 and some terms over parts, whose index each row has, (R,)."""
-        columns = self.indices(terms, derivatives=False)
-        return BlockSums.over(
-            np.vstack((self.columns[columns], self.target)),
-            [part == k for k in range(int(part.max()) + 1)], self.sums.signs[columns])
-
     def residual(self, terms: Sequence[Term], derivatives: bool = True) -> np.ndarray:
-        """Return the residual of a fit of some terms to all blocks, shape (R,)."""
+        """Return the residual of a fit of some terms to all regimes, shape (R,)."""
         indices = self.indices(terms, derivatives)
         return np.asarray(self.target - self.sums.fit(indices) @ self.columns[indices])
 
-    def error(self, terms: Sequence[Term]) -> float:
-        """Return the squared error of a fit of some terms to all blocks."""
-        return float(self.sums.errors_of_fit(self.indices(terms, derivatives=False)).sum())
-
     def coefficients(self, terms: Sequence[Term]) -> dict[int, float]:
-        """Return the coefficient of each column index, fitted to all blocks."""
+        """Return the coefficient of each column index, fitted to all regimes."""
         indices = self.indices(terms, derivatives=False)
         return dict(zip(indices, map(float, self.sums.fit(indices))))
 
-    def draw_blocks(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw as many blocks as there are; return how often each was drawn, shape (B,)."""
-        count = self.rows.blocks
-        return np.bincount(rng.integers(0, count, count), minlength=count)
-
-    def held_out_errors(self, columns: Sequence[int]) -> np.ndarray:
-        """Return the squared error of each cell by the fit to all other blocks, shape (K,)."""
-        return self.sums.held_out_errors(columns, self.block)
-
-    def block_errors(self, terms: Sequence[Term], derivatives: bool = True) -> np.ndarray:
-        """Return the squared error of each block by the fit to all others, shape (B,)."""
-        return np.bincount(self.block, self.held_out_errors(self.indices(terms, derivatives)))
+    def errors(self, terms: Sequence[Term], derivatives: bool = True) -> np.ndarray:
+        """Return the squared error of each regime by the fit to all others, shape (B,)."""
+        return self.sums.held_out_errors(self.indices(terms, derivatives))
 
     def fit_transition(self, terms: Sequence[Term], rounds: int = 4) -> None:
         """Move the transition of Eq. 6 to its optimum beside some terms, by Gauss-Newton steps."""
@@ -253,7 +199,7 @@ class Table:
 
         def error_at(transition: tuple[float, float]) -> float:
             part.set_transition(*transition)
-            return float(part.held_out_errors(columns).sum())
+            return float(part.sums.held_out_errors(columns).sum())
         current = self.transition
         best = error_at(current)
         for _ in range(rounds):
@@ -307,12 +253,6 @@ class Table:
             coverage, part.position, velocity, np.tanh(velocity / coverage.transition),
             self.residual(terms), self.rows.length * self.rows.samples.sample_time,
             self.load_shares(terms))
-
-
-def _as_slice(rows: np.ndarray) -> np.ndarray | slice:
-    """Return ascending indices as a slice, which copies nothing, where they are consecutive."""
-    first, last = int(rows[0]), int(rows[-1])
-    return slice(first, last + 1) if last - first == len(rows) - 1 else rows
 
 
 def signs_of(term: Term, count: int) -> list[int]:

@@ -1,15 +1,14 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Estimates a model's error on other recordings and how far to trust it.
+"""Says how large a model's error is, how far to trust it, and what the recording leaves open.
 
-The error expected on another recording follows from the growth of errors in thirds of the recording
-that were not fitted; see `error_growth`. Everything else to report is one of the `findings`.
+Choice of terms, error and verdict come from the same regimes of motion, each predicted by a fit to
+all others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 import math
 
 import numpy as np
@@ -17,46 +16,82 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.facts.motion import STANDSTILL, velocity_agreement
 from friction_comp.facts.timing import lost_rows
-from friction_comp.model.effects import Coverage, EFFECTS
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.base import RESISTS, too_coarse
 from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.best_fit import Fit
-from friction_comp.refinement.dependence import Dependence, rank_correlation
+from friction_comp.refinement.best_fit import Fit, starts_of
+from friction_comp.refinement.block_sums import BlockSums
+from friction_comp.refinement.dependence import Dependence
 from friction_comp.refinement.effect_columns import Table
-from friction_comp.refinement.findings import experiment, finding
+from friction_comp.refinement.findings import experiment
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.result import Errors, Finding, FoundEffect, Predicted, Question
+from friction_comp.refinement.regimes import rank_correlation, repeats
+from friction_comp.refinement.result import (
+    AGAIN,
+    Errors,
+    Finding,
+    FoundEffect,
+    IN_PART,
+    Predicted,
+    Question,
+)
 from friction_comp.refinement.search import Search
-from friction_comp.refinement.stability import Disagreement, POSTURE, RECORDING, starts_of
 from friction_comp.samples import Samples
-from friction_comp.statistics import rms, robust_std
+from friction_comp.statistics import rms, robust_std, smallest_step
 
-STEPS = 'steps of the velocity'
-"""Stands among variables for the error that `report.error_by_steps` returns."""
-# Every so many samples show whether joints move as one.
-_EVERY = 10
+# Every so many samples show whether joints move as one, and the share of the variance of a joint's
+# position that then follows from the others.
+_EVERY, _FOLLOWED = 10, 0.99
+# Positions of the encoder: between fewer, no velocity is known.
+_FEWEST_POSITIONS = 10
+# Rank correlation of time with speed or acceleration above which a drift may depend on these.
+_SWEPT = 0.4
+# Correlation of measured and commanded current above which no other controller acts.
+_AS_COMMANDED = 0.95
 # Waves a turn of 2π of what repeats once a turn, where positions are in these units instead of rad,
 # and the share of cases in which chance may say so.
 _TURNS, _CHANCE = {'turn': 2.0 * math.pi, 'deg': 2.0 * math.pi / 360.0}, 0.01
+_LOADS = 'record several loads, and none'
 
 
-def errors_of(rows: Rows, predicted: Predicted, name: str, growth: float = 1.0) -> Errors:
-    """Return the errors of a model; `growth` is the ratio of those in left-out thirds to these."""
+def errors_of(rows: Rows, predicted: Predicted, name: str, least: float = 0.0) -> Errors:
+    """Return the errors of a model.
+
+    The error to expect elsewhere is that of regimes that were not fitted, and one standard error
+    over them, or at `least` another one, A.
+    """
     moving, held_out = rows.usable, predicted.held_out
     errors, still = held_out[moving], held_out[~moving]
     block = rows.block_of_sample[moving]
-    parts = [rms(errors[block == k]) for k in np.unique(block)]
+    squares = np.array([np.mean(errors[block == k] ** 2) for k in np.unique(block)])
     variance = float(np.var(rows.target[moving]))
     error, overall = rms(errors), rms(held_out)
-    extra = (growth ** 2 - 1.0) * error ** 2 * float(np.mean(moving))
+    scatter = float(np.std(squares)) / math.sqrt(max(len(squares) - 1, 1))
+    elsewhere = max(math.sqrt(error ** 2 + scatter), least)
+    extra = (elsewhere ** 2 - error ** 2) * float(np.mean(moving))
     return Errors(
         model=name, fit_rmse=rms(predicted.own[moving]), held_out_rmse=error,
         held_out_max=float(np.max(np.abs(errors))),
         held_out_r2=1.0 - float(np.mean(errors ** 2)) / variance if variance > 0.0 else 0.0,
-        worst_part_rmse=max(parts), standstill_rmse=rms(still) if still.size else None,
-        overall_rmse=overall, elsewhere_rmse=max(math.sqrt(overall ** 2 + extra), growth * error),
-        elsewhere_motion_rmse=growth * error, part_rmse=parts)
+        worst_part_rmse=math.sqrt(float(squares.max())),
+        standstill_rmse=rms(still) if still.size else None, overall_rmse=overall,
+        elsewhere_rmse=max(math.sqrt(overall ** 2 + extra), elsewhere),
+        elsewhere_motion_rmse=elsewhere, part_rmse=np.sqrt(squares).tolist())
+
+
+def error_by_steps(raw: Samples, refined: Predicted, usable: np.ndarray) -> float:
+    """Return the error in motion at changing speed by the steps of the recorded velocity, A.
+
+    At constant speeds, a velocity in whole counts does not change. The rate of any other jumps by
+    its steps, as it does if the recorded one is moved at random by up to half a step.
+    """
+    if refined.model.settings.get('source') != 'velocity' or raw.velocity is None:
+        return 0.0
+    moved = smallest_step(raw.velocity) * (np.random.default_rng(0).random(len(raw)) - 0.5)
+    change = refined.model.predict(raw.with_(velocity=raw.velocity + moved)
+                                   ) - refined.model.predict(raw)
+    return math.hypot(rms(change[usable]), rms(refined.held_out[usable]))
 
 
 def noise_floor(rows: Rows, residual: np.ndarray) -> float:
@@ -84,78 +119,48 @@ def ambiguities(fit: Fit) -> list[Question]:
     for term in fit.terms[fit.initial_count:]:
         for name in fit.rivals.get(term, ()):
             add(term.kind.variable, EFFECTS[name].variable,
-                f"'{name}' in the place of '{term.kind.name}' predicts parts that were not fitted "
+                f"'{name}' in the place of '{term.kind.name}' predicts motion that was not fitted "
                 'as well')
     samples = fit.rows.at_rows
     variables = {term.kind.variable for term in fit.terms}
-    if samples.temperature is not None and variables & {'time', 'temperature'}:
-        correlation = rank_correlation(samples.time, samples.temperature)
-        if correlation > thresholds.WARMED_WITH_TIME:
-            add('time', 'temperature', 'temperature and time changed together in the recordings '
-                f'(rank correlation {correlation:.3f})')
-    elif 'time' in variables and samples.temperature is None:
+    if 'time' in variables and samples.temperature is None:
         add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
             'temperature was not recorded')
     # Beside an effect of time, a sweep of frequency is enough.
-    drifts = 'time' in variables
-    together = {name: rank_correlation(samples.time, np.abs(np.asarray(getattr(samples, name))))
-                for name in ('velocity', 'acceleration')[:1 + drifts]}
-    name, correlation = max(together.items(), key=lambda entry: entry[1])
-    if correlation > (thresholds.SWEPT if drifts else thresholds.SPED_WITH_TIME) and len(
-            np.unique(samples.recording)) == 1:
-        what = 'speed' if name == 'velocity' else name
-        add(name, 'time', f'{what} rose or fell with time throughout the recording (rank '
-            f'correlation {correlation:.2f}): drift over time cannot be distinguished from '
-            f'dependence on {name}')
+    least = _SWEPT if 'time' in variables else thresholds.INSEPARABLE
+    for name in ('temperature', 'velocity', 'acceleration'):
+        values = getattr(samples, name)
+        if variables & {'time', name} and values is not None and len(np.unique(
+                samples.recording)) == 1 and rank_correlation(samples.time, np.abs(values)) > least:
+            add(name, 'time', f'{name} rose or fell with time throughout the recording')
     return list(entries.values())
 
 
 def friction_would_push(rows: Rows) -> str:
-    """Return the finding that friction would have to push to explain the current, '' if not.
+    """Return 'pushes' if friction would have to push to explain the current, or 'turned'; or ''.
 
     It would where Eq. 6 and the terms with which a search begins predict much better with any signs
     than with those that physics requires. If these predict the reversed current clearly better, and
     any signs no better than that, the current is turned round.
     """
-    table, found = Table(rows, 2.0 / rows.coverage.transition), ''
-    search = Search(table, [])
-
-    def errors(sign: float, bound: bool) -> list[np.ndarray]:
-        trial = Table(replace(rows, target=sign * rows.target), *table.transition)
-        trial.add(terms, table)
-        trial.sums.signs[:] *= bound
-        return Search(trial, []).errors(terms)
-    for start in starts_of(table):
-        terms = search.without_collinear(start)
-        as_recorded, turned, free = search.errors(terms), errors(-1.0, True), errors(1.0, False)
-        if search.is_improvement(as_recorded, turned) and not search.is_improvement(turned, free):
-            return 'turned'
-        if free[0].sum() < thresholds.PUSHING_ERROR * as_recorded[0].sum():
-            found = 'pushes'
-    return found
-
-
-def moves_as_one(samples: Samples) -> bool:
-    """Return whether a joint's position is a linear function of those of the others."""
-    arm = samples.arm
-    if arm is None or samples.joint not in arm.joints or len(arm.joints) < 2:
-        return False
-    index, position = arm.joints.index(samples.joint), arm.position[::_EVERY]
-    others = np.column_stack((np.ones(len(position)), np.delete(position, index, axis=1)))
-    own = position[:, index]
-    residual = own - others @ np.linalg.lstsq(others, own, rcond=None)[0]
-    return bool(np.var(residual) < (1.0 - thresholds.FOLLOWED_VARIANCE) * np.var(own))
-
-
-def error_of_constant(rows: Rows) -> float:
-    """Return the RMS error of the simplest model in motion, A: the mean of all other parts."""
-    block, target = rows.block_of_sample[rows.usable], rows.target[rows.usable]
-    count, total = np.bincount(block), np.bincount(block, target)
-    return rms(target - ((total.sum() - total) / np.maximum(count.sum() - count, 1))[block])
+    table = Table(rows, 2.0 / rows.coverage.transition)
+    search = Search(table)
+    terms = search.without_collinear(starts_of(table)[-1])
+    sums = table.sums.part(table.indices(terms))
+    turned = sums.gram.copy()
+    turned[:, -1, :-1] *= -1.0
+    turned[:, :-1, -1] *= -1.0
+    every = range(len(sums.signs))
+    as_recorded, reversed_, free = (one.held_out_errors(every) for one in (
+        sums, BlockSums(turned, sums.rows, sums.signs),
+        BlockSums(sums.gram, sums.rows, np.zeros_like(sums.signs))))
+    if search.is_better(as_recorded, reversed_) and not search.is_better(reversed_, free):
+        return 'turned'
+    return 'pushes' if free.sum() < 0.5 * as_recorded.sum() else ''
 
 
 def friction_shows(fit: Fit) -> bool:
-    """Return whether friction lowers the error on parts that were not fitted."""
+    """Return whether friction lowers the error on regimes that were not fitted."""
     table = fit.table
     resisting = {1, 2, *(column for term in fit.terms
                          if (term.group.kind == 'friction' if term.group
@@ -163,17 +168,104 @@ def friction_shows(fit: Fit) -> bool:
                          for column in table.columns_of[term])}
     rest = [column for column in table.indices(fit.terms, derivatives=False)
             if column not in resisting]
-    without = np.bincount(table.block, table.held_out_errors(rest))
-    return Search(table, []).is_improvement([without], [table.block_errors(fit.terms, False)])
+    return Search(table).is_better(
+        table.sums.held_out_errors(rest), table.errors(fit.terms, False))
 
 
-def findings_on_model(fit: Fit, raw: Samples) -> Iterator[Finding]:
-    """Yield findings on a fit that no drive can have, and on a person who may have helped."""
+def other_recordings(fit: Fit) -> tuple[float, str]:
+    """Return the error of each recording by a fit to the others, A, and what differs; 0 if alone.
+
+    A recording on its own says nothing of motion that it does not have: what it leaves open is
+    taken from all.
+    """
+    rows, table = fit.rows, fit.table
+    number = np.unique(rows.samples.recording[rows.start], return_inverse=True)[1]
+    if number.max() == 0:
+        return 0.0, ''
+    columns = table.indices(fit.terms, derivatives=False)
+    sums = BlockSums.over(np.vstack((table.columns[columns], table.target)), number,
+                          table.sums.signs[columns])
+    every, count = range(len(columns)), int(number.max()) + 1
+    error = math.sqrt(float(sums.held_out_errors(every).sum()) / len(number))
+    alone = sums.fits(every, np.eye(count) + 0.01)
+    names = ['the offset', 'Coulomb friction', 'viscous friction', *(
+        term.kind.name.replace('_', ' ') for term in fit.terms
+        for _ in table.columns_of[term])]
+    most = int(np.argmax(np.ptp(alone, axis=0) * sums.norms))
+    return error, (f'{names[most]}, {alone[:, most].min():.3g} to {alone[:, most].max():.3g} in '
+                   'fits to each')
+
+
+def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Dependence],
+             questions: Sequence[Question], between: tuple[float, str]) -> Iterator[Finding]:
+    """Yield all findings on a model but those on its numbers.
+
+    `between` is what `other_recordings` returns.
+    """
+    rows, held_out, expected = fit.rows, after.held_out_rmse, after.elsewhere_motion_rmse
+    constant = float(np.std(rows.target[rows.usable]))
+    yield from _findings_on_signs(fit)
     if not friction_shows(fit):
-        yield finding('no_friction')
-    if (helped := helped_person(raw, any(
-            not term.group and term.kind.name == 'inertia' for term in fit.terms))):
-        yield helped
+        yield Finding(
+            'not_friction', 'No friction shows in this current: it is the torque behind the gear, '
+            "a controller's request, or that of a motor whose joint is moved by hand.", AGAIN,
+            'the current of the motor that moves the joint, or its torque before the gear (where '
+            'it is in the table, --columns current=NAME,link_torque=NAME); of a joint moved by '
+            "hand, the hand's torque as the load")
+    yield from _helped_person(raw, any(
+        not term.group and term.kind.name == 'inertia' for term in fit.terms))
+    if expected > thresholds.USELESS_ERROR * constant:
+        yield Finding(
+            'explains_little', f'Where it was not fitted, the model may be {expected:.2g} A off in '
+            f'motion, a constant {constant:.2g} A: the current depends on something that is not '
+            'in the recording.', AGAIN,
+            'record what loads the joint (torque sensor, other joints), or move it without load')
+    elif held_out > thresholds.UNEXPLAINED * constant:
+        yield Finding(
+            'explains_little', f'{held_out:.2g} A remain unexplained, of {constant:.2g} A beside '
+            'a constant.', IN_PART, 'record what loads the joint (torque sensor, other joints)')
+    error, differs = between
+    if error > thresholds.GROWTH * held_out:
+        yield Finding(
+            'recordings_differ', 'The recordings differ: each is predicted by a fit to the others '
+            f'with {error / held_out:.2g} times the error. What differs most is {differs}.',
+            IN_PART, 'refine each recording alone (--each), or record what differs (temperature, '
+            'load, unit)')
+    if held_out > thresholds.GROWTH * after.fit_rmse:
+        yield Finding(
+            'extrapolates', f'Motion that was not fitted is predicted with '
+            f'{held_out / after.fit_rmse:.2g} times the error, worst {_worst_regime(fit)}: the '
+            'model is only supported where it was fitted.', IN_PART,
+            'record more of such motion')
+    for entry in dependences:
+        if entry.strength > thresholds.UNEXPLAINED:
+            yield Finding('unexplained', f'The remaining error depends on {entry.variable}: '
+                          f'{entry.note}.', IN_PART)
+    for question in questions:
+        yield Finding('ambiguous', f'{question.variables}: {question.why}.', IN_PART,
+                      question.experiment)
+    yield from _findings_on_joints(rows, raw)
+    yield from _findings_on_signals(rows, raw)
+    yield from _findings_on_motion(rows, expected)
+    yield from _not_known(rows)
+
+
+def _findings_on_signs(fit: Fit) -> Iterator[Finding]:
+    code = friction_would_push(fit.rows)
+    if code == 'pushes':
+        yield Finding(
+            'wrong_sign', 'Friction would have to push to explain the current: the current is a '
+            "controller's response, something that was not recorded moves the joint, or the sign "
+            'of effort or position is reversed.', AGAIN,
+            'check the signs of effort and position, and that effort is measured; follow a '
+            'trajectory with a softer or a position controller')
+    # Without friction, nothing tells the sign of a current.
+    elif code and friction_shows(fit):
+        yield Finding(
+            'wrong_sign', 'The motor brakes the motion: only with its sign reversed is the current '
+            'that of a drive with friction. Effort or position has the wrong sign, or another '
+            'torque drives the joint.', AGAIN,
+            'the same with the sign of effort reversed (--unit effort=-1Nm or current=-1A)')
     values = fit.table.coefficients(fit.terms)
     for term in fit.terms:
         if term.group:
@@ -181,14 +273,171 @@ def findings_on_model(fit: Fit, raw: Samples) -> Iterator[Finding]:
         own = [values[column] for column in fit.table.columns_of[term]]
         known = term.kind.known_coefficients(Drive(1.0, 1.0))
         if known is not None and known[0] * own[0] < 0.0:
-            yield finding('load_reversed', coefficient=own[0])
-        doubt = term.kind({**term.constants, 'coefficients': own}).doubt()
-        if doubt:
-            yield finding('doubtful', doubt=doubt)
+            yield Finding(
+                'wrong_sign', f'The current grows with the load, {own[0]:.3g} A per N·m: one of '
+                'them has the wrong sign. The load is the torque that moves the joint from '
+                'outside.', AGAIN,
+                'the same with the sign of the load reversed (in a table, --unit load=-1Nm)')
+        if doubt := term.kind({**term.constants, 'coefficients': own}).doubt():
+            yield Finding('impossible', doubt, IN_PART,
+                          'record the same over a wider range, and other joints')
 
 
-def other_turn(effects: Sequence[FoundEffect]) -> Finding | None:
-    """Return the finding that ripples repeat a whole number of times a turn in a unit but rad.
+def _helped_person(samples: Samples, accelerates: bool) -> Iterator[Finding]:
+    """Yield the finding that a compensator helped a person, whose own torque was not recorded.
+
+    It acts on announced directions, and the motor does what it commands and nothing else. (Under
+    another controller, which moves the joint, the motor does more.) Where none is announced, it may
+    help as well, or something else may command the motor, which then `accelerates` the joint: a
+    person who is helped with friction does that alone.
+    """
+    if samples.load is not None or samples.command is None:
+        return
+    both = np.isfinite(samples.command) & np.isfinite(samples.current)
+    command, current = samples.command[both], samples.current[both]
+    if len(command) < 2 or not np.ptp(command) > 0.0 or not np.ptp(current) > 0.0:
+        return
+    if np.corrcoef(command, current)[0, 1] <= _AS_COMMANDED:
+        return
+    if samples.direction is not None and np.any(samples.direction):
+        yield Finding(
+            'not_friction', 'A compensator helped a person, whose torque was not recorded: the '
+            'current is what the motor gave, which is a part of friction.', AGAIN,
+            "the person's torque (interaction_wrench), or a motion by the motor alone")
+    elif not accelerates:
+        yield Finding(
+            'not_friction', 'The motor gave just what was commanded, and nothing that accelerates '
+            'the joint: where a compensator commanded it and a person moved the joint, which this '
+            'recording does not tell, the current is only a part of friction.', IN_PART,
+            "the person's torque (interaction_wrench), /diagnostics, or a faster motion without "
+            'the compensator')
+
+
+def _worst_regime(fit: Fit) -> str:
+    """Return in which motion the error of regimes that were not fitted is the largest, in words."""
+    errors = fit.table.errors(fit.terms, False) / fit.table.sums.rows
+    rows = fit.rows.at_rows.take(fit.rows.parts[int(np.argmax(errors))])
+    low, high = np.quantile(rows.position, (0.05, 0.95))
+    slow, fast = np.quantile(np.asarray(rows.velocity), (0.05, 0.95))
+    return f'at {low:.2g} to {high:.2g} rad and {slow:.2g} to {fast:.2g} rad/s'
+
+
+def _findings_on_joints(rows: Rows, raw: Samples) -> Iterator[Finding]:
+    """Yield what other joints have to do with it."""
+    arm = raw.arm
+    if arm is None or raw.joint not in arm.joints:
+        return
+    others = ', '.join(name for name in rows.joints if name != raw.joint)
+    if rows.joints and rows.samples.rigid_body is None:
+        yield Finding(
+            'other_joints', f'Other joints moved too ({others}), and no URDF gives the torques of '
+            'their links: the model may not hold in other postures.', IN_PART,
+            'move this joint alone, or give a URDF of the arm (--urdf)')
+    elif rows.samples.rigid_body is None and len(arm.joints) > 1:
+        resting = ', '.join(name for name in arm.joints if name != raw.joint)
+        yield Finding('other_joints', f'The other joints ({resting}) rested: weight and inertia '
+                      'are those of their posture.')
+    if len(arm.joints) > 1:
+        index, position = arm.joints.index(raw.joint), arm.position[::_EVERY]
+        known = np.column_stack((np.ones(len(position)), np.delete(position, index, axis=1)))
+        own = position[:, index]
+        residual = own - known @ np.linalg.lstsq(known, own, rcond=None)[0]
+        if np.var(residual) < (1.0 - _FOLLOWED) * np.var(own):
+            yield Finding(
+                'other_joints', f'The position of {raw.joint} follows from those of the other '
+                'joints: the recording cannot show on which of them the current depends, and other '
+                'motion may be predicted much worse.', AGAIN,
+                'move the joints independently of each other, or leave out the columns of one '
+                'that is on the same shaft')
+
+
+def fault_of_velocity(raw: Samples) -> str:
+    """Return how the recorded velocity contradicts the position, beside a delay; '' if not."""
+    return '' if raw.velocity is None else velocity_agreement(
+        raw.time, raw.position, raw.velocity, raw.position_step).fault
+
+
+def _findings_on_signals(rows: Rows, raw: Samples) -> Iterator[Finding]:
+    if fault := fault_of_velocity(raw):
+        yield Finding('signals', f'{fault[0].upper()}{fault[1:]}.', IN_PART,
+                      'let one clock stamp position, velocity and current, and check the units of '
+                      'velocity')
+    if lost := lost_rows(raw.time, raw.position, raw.position_step):
+        yield Finding(
+            'signals', f'Rows are missing: in {100.0 * lost:.2g} % of them the position moves '
+            'twice as far as around them, or farther, though times say otherwise. Speeds are '
+            'uncertain, and inertia may be outside its interval.', IN_PART,
+            'the time of each row, by the clock of who measures')
+    if rows.clipped.any():
+        limits = raw.current[rows.clipped]
+        ends = dict.fromkeys(f'{end:.4g} A' for end in (limits.min(), limits.max()))
+        yield Finding(
+            'signals', f'The current ends at a limit, {" and ".join(ends)}, in '
+            f'{100 * rows.clipped.mean():.1f} % of the samples, which are left out.', IN_PART,
+            'raise the limit of current or sensor, or use less acceleration and speed')
+
+
+def _findings_on_motion(rows: Rows, error: float) -> Iterator[Finding]:
+    """Yield what the motion and the loads, against an error in A, varied too little for."""
+    coverage, motion = rows.coverage, rows.samples.take(rows.usable)
+    coarse = too_coarse(coverage)
+    if coarse and (coverage.speed < STANDSTILL
+                   or coverage.distinct_positions < _FEWEST_POSITIONS):
+        yield Finding(
+            'little_motion', f'The joint hardly moved: over {coverage.distinct_positions:.0f} '
+            f'steps of its encoder, at {coverage.speed:.2g} rad/s at most. It may only have given '
+            'way, and what is called friction may be elastic.', AGAIN,
+            'move further and faster, until the joint slides')
+    elif coarse:
+        yield Finding('little_motion', coarse, IN_PART,
+                      'record the motor-side encoder, or move over a wider range')
+    if coverage.passed_again < thresholds.PASSED_AGAIN:
+        yield Finding(
+            'little_motion', 'The joint passed most places once: what depends on position, speed, '
+            'direction or time cannot be told apart, and other motion may be predicted much '
+            'worse.', AGAIN,
+            'move to and fro over the same places several times, at several speeds')
+    elif (share := repeats(motion.position, np.asarray(motion.velocity))) > thresholds.ONE_MOTION:
+        yield Finding(
+            'little_motion', 'The recording repeats one motion: where the joint is and which way '
+            f'it moves tells {100.0 * share:.0f} % of its speed. Whether another motion is '
+            'predicted as well, it does not tell.', IN_PART,
+            'the same places at several speeds')
+    if not coverage.both_directions:
+        yield Finding(
+            'little_motion', 'Motion was in one direction only: Coulomb friction cannot be '
+            'distinguished from an offset.', IN_PART, 'move in both directions')
+    for load, values in (('The load', motion.load),
+                         ("The torque of the arm's links", motion.rigid_body)):
+        if values is None:
+            continue
+        # What it does to offset and friction looks like a constant then, by whichever power of it.
+        low, high = np.quantile(values, (0.01, 0.99))
+        small, large = sorted((abs(low), abs(high)))
+        if low * high > 0.0 and large < 1.5 * small and small > error * rows.torque_per_current:
+            yield Finding(
+                'little_motion', f'{load} hardly varied, {low:.3g} to {high:.3g} N·m: friction and '
+                'offset that depend on it cannot be told from those that do not, and hold at such '
+                'loads only.', IN_PART, _LOADS)
+
+
+def _not_known(rows: Rows) -> Iterator[Finding]:
+    """Yield what the recording cannot show, which does not lower the verdict."""
+    samples = rows.samples
+    if samples.temperature is None:
+        yield Finding('not_known', 'Motor temperature was not recorded.')
+    if samples.load is None:
+        yield Finding('not_known', 'No load was recorded: what a hand gives to the motion is '
+                      'missing from friction.')
+    unseen = [name.replace('_', ' ') for name, kind in EFFECTS.items()
+              if kind.insufficient_data(rows.coverage) and all(
+                  getattr(samples, signal) is not None for signal in kind.needs)]
+    if unseen:
+        yield Finding('not_known', f'This motion cannot show: {", ".join(unseen)}.')
+
+
+def other_turn(effects: Sequence[FoundEffect]) -> Iterator[Finding]:
+    """Yield the finding that ripples repeat a whole number of times a turn in a unit but rad.
 
     What a motor or gear repeats, it repeats a whole number of times a turn; the intervals of some
     ripple exclude that, and those of all hold it for another turn, by chance in 1 % of cases.
@@ -201,183 +450,43 @@ def other_turn(effects: Sequence[FoundEffect]) -> Finding | None:
         return [low if (low := math.ceil(ends[0] / turn)) <= ends[1] / turn else math.nan
                 for ends in waves]
     if not np.isnan(whole(1.0)).any():
-        return None
+        return
     for unit, turn in _TURNS.items():
         chance = math.prod(min(float(np.ptp(ends)) / turn, 1.0) for ends in waves)
         numbers = whole(turn)
         if chance < _CHANCE and min(numbers) > 0.0 and not np.isnan(numbers).any():
-            return finding('other_turn', unit=unit, numbers=', '.join(
-                f'{number:g}' for number in numbers))
-    return None
-
-
-def beyond_what_was_fitted(variable: str, growth: float) -> Finding:
-    """Return the finding that the error is `growth` times as large elsewhere."""
-    if variable == STEPS:
-        return finding('counted', growth=growth)
-    if variable == RECORDING:
-        return finding('extrapolates', part='A recording', growth=growth,
-                       variable='position and speed in each recording')
-    if variable == POSTURE:
-        return finding('extrapolates', part='A sixth of the postures', growth=growth,
-                       variable='the positions of all joints')
-    return finding('extrapolates', part=f'A third of the {variable} range', growth=growth,
-                   variable=f'{variable}, in another order')
-
-
-def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
-             noise: float, dependences: Sequence[Dependence], open_questions: Sequence[Question],
-             between: Disagreement | None) -> Iterator[Finding]:
-    """Yield all findings on a model.
-
-    `growth` is what `error_growth` returns, `between` how recordings differ.
-    """
-    rows, held_out = fit.rows, after.held_out_rmse
-    constant = error_of_constant(rows)
-    # Without friction, nothing tells the sign of a current.
-    if (code := friction_would_push(rows)) and (code != 'turned' or friction_shows(fit)):
-        yield finding(code)
-    variable, largest = max(growth.items(), key=lambda entry: entry[1])
-    differ = between is not None and between.ratio > thresholds.GROWTH
-    if between is not None and differ:
-        yield finding('recordings_differ', **between._asdict())
-    expected = max(largest, 1.0) * held_out
-    if expected > thresholds.USELESS_ERROR * constant:
-        yield finding('explains_nothing', error=expected, constant=constant)
-    elif held_out > thresholds.UNEXPLAINED * constant:
-        yield finding('explains_part', error=held_out, constant=constant)
-    elif held_out > max(thresholds.ABOVE_NOISE * noise, 1e-300,
-                        math.sqrt(thresholds.LEAST_SHARE) * constant):
-        yield finding('above_noise', error=held_out, times=held_out / noise)
-    yield from findings_on_model(fit, raw)
-    if largest > thresholds.GROWTH and not (variable == RECORDING and differ):
-        yield beyond_what_was_fitted(variable, largest)
-    for entry in dependences:
-        if entry.strength > thresholds.UNEXPLAINED:
-            yield finding('unexplained', variable=entry.variable, note=entry.note)
-    for question in open_questions:
-        yield finding('ambiguous', variables=question.variables, why=question.why,
-                      experiment=question.experiment)
-    if -sum(fit.lag) >= rows.samples.sample_time:
-        yield finding('late_current', lag=-1e3 * sum(fit.lag))
-    yield from findings_on_recording(rows, raw)
-    yield from loads_that_hardly_varied(rows, after.elsewhere_motion_rmse)
-    yield from notes_on_coverage(rows.samples, rows.coverage)
-    # The fit's error comes from block sums, that of the model from `predict` on the recording. Rows
-    # average noise out, and samples outside all rows may have larger errors.
-    fitted = math.hypot(rms(fit.table.residual(fit.terms, derivatives=False)),
-                        noise_floor(rows, rows.target) if rows.length > 1 else 0.0)
-    if after.fit_rmse > thresholds.WRITTEN_ERROR * max(fitted, held_out):
-        yield finding('written', error=after.fit_rmse, fitted=fitted)
+            found = ', '.join(f'{number:g}' for number in numbers)
+            yield Finding(
+                'signals', f'No whole number of ripples is in a turn of 2π, but {found} if '
+                f'position is in {unit}: its unit, which is taken for rad, seems to be this.',
+                IN_PART, f'nothing: give the unit, --unit position={unit}')
+            return
 
 
 def findings_on_numbers(friction: FrictionNumbers, error: float = math.inf,
                         largest: float = math.inf) -> Iterator[Finding]:
-    """Yield numbers that no drive has, and those of which half the interval is a large part.
+    """Yield numbers that no drive has, and that are not known.
 
-    One that may be zero, or larger than the held-out `error` of the current by which it was chosen,
-    is not known at all. `largest` is the largest current of the recordings.
+    Of these, the interval holds zero, and more than the held-out `error` of the current by which it
+    was chosen. `largest` is the largest current of the recordings.
     """
-    if friction.coulomb > thresholds.IMPOSSIBLE * largest:
-        yield finding('impossible_friction', value=friction.coulomb, largest=largest)
-    names = {'coulomb': 'Coulomb friction', 'viscous': 'viscous friction', 'inertia': 'inertia'}
-    wide = []
-    for name, said in names.items():
+    # An effect of temperature, say, may leave some to others: what cancels twice that is none.
+    if friction.coulomb > 2.0 * largest:
+        yield Finding(
+            'impossible', f'Coulomb friction would be {friction.coulomb:.3g} A, where the largest '
+            f'current is {largest:.3g} A: other terms cancel it, and none of them is that of the '
+            'drive.', AGAIN, 'more speeds in both directions, with a joint that slides')
+    for name in ('coulomb', 'viscous'):
         value, ends = getattr(friction, name), friction.intervals.get(name)
-        if name != 'inertia' and value < 0.0 and max(ends or [value]) < 0.0:
-            yield finding('negative_friction', name=said, value=value)
-        if ends and np.ptp(ends) > 2.0 * thresholds.UNCERTAIN * abs(value):
-            wide.append(said)
+        said = f'{name.capitalize() if name == "coulomb" else name} friction'
+        if value < 0.0 and max(ends or [value]) < 0.0:
+            yield Finding(
+                'impossible', f'The straight line through friction has {said} below zero, '
+                f'{value:.3g}, which no drive has: neither its Coulomb nor its viscous friction is '
+                'that of the drive.', IN_PART,
+                'record more constant speeds, with a finer encoder or a stiffer controller')
         if name == 'coulomb' and ends and ends[0] <= 0.0 and ends[1] > error:
-            yield finding('unknown_friction', low=ends[0], high=ends[1])
-    if wide:
-        yield finding('not_told_apart', names=' and '.join(wide))
-
-
-def helped_person(samples: Samples, accelerates: bool) -> Finding | None:
-    """Return the finding that a compensator helped a person, whose own torque was not recorded.
-
-    It acts on announced directions, and the motor does what it commands and nothing else. (Under
-    another controller, which moves the joint, the motor does more.) Where none is announced, it may
-    help as well, or something else may command the motor, which then `accelerates` the joint: a
-    person who is helped with friction does that alone.
-    """
-    if samples.load is not None or samples.command is None:
-        return None
-    both = np.isfinite(samples.command) & np.isfinite(samples.current)
-    command, current = samples.command[both], samples.current[both]
-    if len(command) < 2 or not np.ptp(command) > 0.0 or not np.ptp(current) > 0.0:
-        return None
-    if np.corrcoef(command, current)[0, 1] <= thresholds.DOES_AS_COMMANDED:
-        return None
-    if samples.direction is not None and np.any(samples.direction):
-        return finding('helped_person')
-    return None if accelerates else finding('may_have_helped')
-
-
-def fault_of_velocity(raw: Samples) -> str:
-    """Return how the recorded velocity contradicts the position, beside a delay; '' if not."""
-    return '' if raw.velocity is None else velocity_agreement(
-        raw.time, raw.position, raw.velocity, raw.position_step).fault
-
-
-def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
-    """Yield the findings on the recordings themselves."""
-    coverage = rows.coverage
-    if rows.joints and rows.samples.rigid_body is None:
-        yield finding('other_joints', joints=', '.join(
-            name for name in rows.joints if name != raw.joint))
-    elif raw.arm is not None and rows.samples.rigid_body is None and (resting := [
-            name for name in raw.arm.joints if name != raw.joint]):
-        yield finding('one_posture', joints=', '.join(resting))
-    if moves_as_one(raw):
-        yield finding('moves_as_one', joint=raw.joint)
-    if fault := fault_of_velocity(raw):
-        yield finding('velocity', fault=fault[0].upper() + fault[1:])
-    if lost := lost_rows(raw.time, raw.position, raw.position_step):
-        yield finding('lost_rows', percent=100.0 * lost)
-    coarse = too_coarse(coverage)
-    if coarse and (coverage.speed < STANDSTILL
-                   or coverage.distinct_positions < thresholds.FEWEST_STEPS):
-        yield finding('hardly_moved', steps=coverage.distinct_positions, speed=coverage.speed)
-    elif coarse:
-        yield finding('coarse', reason=coarse)
-    if coverage.passed_again < thresholds.PASSED_AGAIN:
-        yield finding('passed_once')
-    if not coverage.both_directions:
-        yield finding('one_direction')
-    if rows.clipped.any():
-        limits = raw.current[rows.clipped]
-        ends = dict.fromkeys(f'{end:.4g} A' for end in (limits.min(), limits.max()))
-        yield finding('ceiling', ends=' and '.join(ends), percent=100 * rows.clipped.mean())
-
-
-def loads_that_hardly_varied(rows: Rows, error: float) -> Iterator[Finding]:
-    """Yield each load, of those that exceed an error, A, which is far from zero against its range.
-
-    What it does to offset and friction cannot be told from these then, nor by which power of it:
-    all look like a constant. Locally, the model may be right.
-    """
-    for load, values in (('The load', rows.samples.load),
-                         ("The torque of the arm's links", rows.samples.rigid_body)):
-        if values is None:
-            continue
-        low, high = np.quantile(values[rows.usable], (0.01, 0.99))
-        small, large = sorted((abs(low), abs(high)))
-        if (low * high > 0.0 and large < thresholds.ONE_LOAD * small
-                and small > error * rows.torque_per_current):
-            yield finding('one_load', load=load, low=low, high=high)
-
-
-def notes_on_coverage(samples: Samples, coverage: Coverage) -> Iterator[Finding]:
-    """Yield notes on what the recordings cannot show, none of which lowers the verdict."""
-    if samples.temperature is None:
-        yield finding('no_temperature')
-    if samples.load is None:
-        yield finding('no_load')
-    reasons = {kind.insufficient_data(coverage): None for kind in EFFECTS.values() if all(
-        getattr(samples, signal) is not None for signal in kind.needs)}
-    for reason in filter(None, reasons):
-        yield finding('not_seen', reason=reason)
-    if coverage.duration < 60.0 and not EFFECTS['warm_up'].insufficient_data(coverage):
-        yield finding('short', duration=coverage.duration)
+            yield Finding(
+                'impossible', f'Coulomb friction may be {ends[0]:.3g} to {ends[1]:.3g} A: the '
+                'model predicts, but what of it is friction is not known.', IN_PART,
+                'record slow and fast motion in both directions')

@@ -1,8 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Prepares recordings as rows of a fit, each in a long block of time.
+"""Prepares recordings as rows of a fit, each in a regime of motion.
 
-The velocity over which friction changes sign is chosen by how well a plain drive predicts blocks
+The velocity over which friction changes sign is chosen by how well a plain drive predicts regimes
 that were not fitted.
 """
 
@@ -13,15 +13,13 @@ from dataclasses import dataclass, replace
 import functools
 import math
 from typing import Any
-import warnings
 
 import numpy as np
-from scipy.cluster.vq import kmeans2
-from scipy.ndimage import maximum_filter1d
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.differentiation import as_recorded, differentiate
+from friction_comp.facts.resolution import positions
+from friction_comp.model.differentiation import differentiate
 from friction_comp.model.effects import Coverage
 from friction_comp.refinement import recorded_motion, thresholds
 from friction_comp.refinement.block_sums import held_out_error
@@ -36,8 +34,6 @@ _MORE_OFTEN = 3.0
 _LEVELS = 3
 # Most rows that are searched, in multiples of `ROWS`, and how many are kept or left out together.
 _MOST, _PIECE = 4.0, 100
-# Parts of the range of position that tell whether a joint has come back.
-_PLACES = 20
 
 
 @dataclass(frozen=True)
@@ -51,20 +47,24 @@ class Rows:
     coverage: Coverage
     start: np.ndarray  # (R,): first sample of each row
     length: int  # samples averaged in each row
-    block: np.ndarray  # (R,): block of time
-    region: np.ndarray  # (R,): region of posture where several joints moved; otherwise zeros
+    block: np.ndarray  # (R,): regime of motion, which is left out of a fit as a whole
     # Current per load, A/(N·m), where the load is part of the target; otherwise 0.
     load_coefficient: float = 0.0
     # Position, velocity and acceleration, each (N, J), of all joints where others moved too.
     motion: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     joints: tuple[str, ...] = ()  # names of these joints
-    time_constant: float = 0.0  # of the drive's low pass, s, see `differentiation.as_recorded`
     torque_per_current: float = 1.0  # N·m/A at the joint, 1 where it is not known
 
     @property
     def blocks(self) -> int:
-        """Number of blocks."""
+        """Number of regimes."""
         return int(self.block.max()) + 1
+
+    @functools.cached_property
+    def parts(self) -> list[slice]:
+        """The rows of each regime, which follow each other."""
+        edges = np.searchsorted(self.block, np.arange(self.blocks + 1)).tolist()
+        return [slice(*ends) for ends in zip(edges, edges[1:])]
 
     @functools.cached_property
     def at_rows(self) -> Samples:
@@ -78,20 +78,15 @@ class Rows:
 
     @property
     def block_of_sample(self) -> np.ndarray:
-        """The block of each sample, shape (N,)."""
-        first = np.nonzero(np.diff(self.block, prepend=-1))[0]
-        return np.clip(np.searchsorted(self.start[first], np.arange(len(self.samples)),
-                                       side='right') - 1, 0, None)
+        """The regime of each sample, that of the row before it, shape (N,)."""
+        order = np.argsort(self.start)
+        before = np.searchsorted(self.start[order], np.arange(len(self.samples)), side='right') - 1
+        return np.asarray(self.block[order][np.clip(before, 0, None)])
 
     def with_settings(self, raw: Samples, settings: dict[str, Any]) -> Rows:
         """Return the rows with the motion of other differentiation settings."""
         return replace(self, samples=differentiate(raw, settings),
-                       motion=recorded_motion.arm_motion(raw, self.joints, settings),
-                       time_constant=settings.get('time_constant', 0.0))
-
-    def as_recorded(self, columns: np.ndarray) -> np.ndarray:
-        """Return columns of a torque, shape (N, M), as the recorded current shows them."""
-        return as_recorded(columns, self.samples, self.time_constant)
+                       motion=recorded_motion.arm_motion(raw, self.joints, settings))
 
     def averaged(self, values: np.ndarray) -> np.ndarray:
         """Return averages of values, shape (N,) or (N, M), over each row's samples."""
@@ -161,30 +156,6 @@ def clipped(current: np.ndarray) -> np.ndarray:
     return mark
 
 
-def _cut(points: np.ndarray, parts: int) -> np.ndarray:
-    """Return which of equal parts across their longest axis points, shape (R, J), belong to."""
-    longest = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
-    rank = np.argsort(np.argsort(points @ longest, kind='stable'), kind='stable')
-    return rank * parts // len(points)
-
-
-def regions_of(position: np.ndarray, count: float = thresholds.REGIONS) -> np.ndarray:
-    """Return the region of posture of each row, shape (R,), by joint positions, shape (R, J).
-
-    k-means starts from thirds of equal parts (by principal axes, like PCA-Part by Su and Dy 2007),
-    since random starts differ between versions of SciPy. `count` is a multiple of three.
-    """
-    scaled = (position - position.mean(axis=0)) / (position.std(axis=0) + 1e-9)
-    region = 3 * _cut(scaled, int(count) // 3)
-    for part in range(0, int(count), 3):
-        region[region == part] += _cut(scaled[region == part], 3)
-    means = np.array([scaled[region == part].mean(axis=0) for part in range(int(count))])
-    with warnings.catch_warnings():
-        # Regions may be empty.
-        warnings.simplefilter('ignore', UserWarning)
-        return np.asarray(kmeans2(scaled, means, iter=20, minit='matrix')[1])
-
-
 def samples_per_row(samples: Samples, usable: int) -> int:
     """Return the fewest samples per row for which at most `ROWS` remain, at 100 Hz or more."""
     return max(1, min(math.ceil(usable / thresholds.ROWS),
@@ -208,10 +179,10 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     """
     at_limit, reach = clipped(samples.current), round(thresholds.NEAR_LIMIT / samples.sample_time)
     # Their neighbours are below the limit if their noise is: a fit to these alone would be bent.
-    unusable = maximum_filter1d(at_limit, 2 * reach + 1)
+    unusable = recorded_motion.widened(at_limit, reach)
     if at_limit.any():
         at_limit = recorded_motion.beyond_limit(samples, at_limit, unusable)
-        unusable = maximum_filter1d(at_limit, 2 * reach + 1)
+        unusable = recorded_motion.widened(at_limit, reach)
     joints = recorded_motion.moving_joints(samples)
     load = recorded_motion.load_coefficient(samples, unusable, drive) if declared else 0.0
     settings = settings or recorded_motion.choose_differentiation(samples, unusable, joints, load)
@@ -221,10 +192,11 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     motion = recorded_motion.arm_motion(samples, joints, settings)
     length = samples_per_row(moved, int(usable.sum()))
     start = thinned(recorded_motion.row_starts(moved, usable, length))
-    block = recorded_motion.blocks_of(moved, start)
-    slow = settings.get('time_constant', 0.0)
-    target = moved.current - as_recorded(
-        load * np.asarray(moved.load), moved, slow) if load else moved.current
+    # Rigid bodies are the same in all postures.
+    others = list(motion[0].T) if motion and samples.rigid_body is None else []
+    block = recorded_motion.regimes_in(moved, start, length, others)
+    order = np.argsort(block, kind='stable')
+    target = moved.current - load * np.asarray(moved.load) if load else moved.current
     # Squares of smaller numbers are 0; an effort that was never set can hold such numbers.
     if not np.abs(target[usable]).max() > math.sqrt(np.finfo(float).tiny):
         why = '; the motor has to move the joint' if samples.load is None or declared else (
@@ -233,14 +205,10 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
         raise InputError('the current is zero throughout the motion: there is no friction to fit'
                          + why)
     coverage = replace(coverage_of(moved, usable, slowest, samples), linear=linear)
-    # Rigid bodies are the same in all postures.
-    unknown = motion if samples.rigid_body is None else None
-    region = regions_of(unknown[0][start]) if unknown else np.zeros_like(block)
     rows = Rows(
         samples=moved, target=target, usable=usable, clipped=at_limit, coverage=coverage,
-        start=start, length=length, block=block, region=region, load_coefficient=load,
-        motion=motion, joints=joints, time_constant=slow,
-        torque_per_current=drive.torque_per_current)
+        start=start[order], length=length, block=block[order], load_coefficient=load,
+        motion=motion, joints=joints, torque_per_current=drive.torque_per_current)
     return replace(rows, coverage=replace(coverage, transition=choose_transition(rows))), settings
 
 
@@ -267,6 +235,8 @@ def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Sampl
     lowest, highest = np.percentile(moving.position, (1, 99))
     velocity = np.asarray(moving.velocity)
     moves = np.abs(velocity)
+    # How far the joint moved, against its range, of a turn at most.
+    path, span = float(moves.sum()) * samples.sample_time, float(np.ptp(moving.position))
     slow, speed = np.percentile(moves, (5, 95))
     resting = np.abs(np.asarray(samples.velocity)) < slowest
     temperature, temperature_span = 25.0, 0.0
@@ -278,50 +248,9 @@ def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Sampl
         highest=float(highest), duration=duration, temperature=temperature,
         resolution=raw.position_step,
         both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98,
-        passed_again=passed_again(moving.position, moving.recording), slow=float(slow),
+        passed_again=1.0 - 1.0 / max(path / min(span, 2.0 * math.pi), 1.0), slow=float(slow),
         reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
         rest_duration=float(np.sum(resting)) * samples.sample_time,
-        distinct_positions=count_positions(raw.position[usable]),
+        distinct_positions=positions(raw.position[usable]),
         median_speed=float(np.median(moves)), temperature_span=temperature_span,
         speed_spread=float(np.std(moves) / np.mean(moves)))
-
-
-def passed_again(position: np.ndarray, recording: np.ndarray) -> float:
-    """Return the share of samples at places that the joint passed twice or more.
-
-    Places are twentieths of the range of position, of a turn at most. A passage ends where the
-    joint has left the neighbouring places, too, or another recording begins.
-
-    Parameters
-    ----------
-    position : ndarray
-        rad, shape (N,), of samples in motion.
-    recording : ndarray of int
-        Shape (N,).
-    """
-    width = min(float(np.ptp(position)), 2.0 * math.pi) / _PLACES
-    if width <= 0.0:
-        return 0.0
-    place = np.floor((position - position.min()) / width).astype(int)
-    # A stay at a place counts with all its samples.
-    enters = np.flatnonzero(np.r_[True, (np.diff(place) != 0) | (np.diff(recording) != 0)])
-    samples, place, recording = (
-        np.diff(np.append(enters, len(place))), place[enters], recording[enters])
-    turning = place.max() > _PLACES
-    again = 0
-    for here in range(_PLACES if turning else _PLACES + 1):
-        away = np.abs(place - here)
-        if turning:
-            away = np.minimum(away % _PLACES, -away % _PLACES)
-        near = away <= 1
-        begins = near & np.r_[True, ~near[:-1] | (np.diff(recording) != 0)]
-        visits = np.cumsum(begins)[away == 0]
-        if len(visits) and visits[0] != visits[-1]:
-            again += int(samples[away == 0].sum())
-    return again / len(position)
-
-
-def count_positions(position: np.ndarray) -> float:
-    """Return the number of positions that the encoder resolves, infinite if hardly any repeats."""
-    values = np.unique(np.round(position / max(float(np.ptp(position)), 1e-300), 9))
-    return math.inf if len(values) > 0.5 * len(position) else float(len(values))

@@ -4,7 +4,7 @@
 
 Velocity and acceleration come from one zero-phase filter. Each measured signal, such as a load, has
 a filter and a lag of its own: noise that is left in it lowers its coefficient, and other terms take
-the rest. All are chosen by how well a plain drive predicts blocks that were not fitted.
+the rest. All are chosen by how well a plain drive predicts regimes that were not fitted.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import grey_opening, maximum_filter1d
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
@@ -28,10 +27,10 @@ from friction_comp.model.differentiation import (
 )
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.block_sums import held_out_error, sums_of
-from friction_comp.refinement.lag import best_lag, ENOUGH
+from friction_comp.refinement.block_sums import BlockSums, held_out_error
+from friction_comp.refinement.regimes import regimes_of
 from friction_comp.samples import Samples
-from friction_comp.statistics import rms, top_speed
+from friction_comp.statistics import rms, smallest_step, top_speed
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 # The same for measured signals: a thermometer is slow.
@@ -88,49 +87,24 @@ def candidate_settings(samples: Samples, velocity: np.ndarray | None,
 
 
 def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
-    """Return the differentiation settings to compare, at which motion is not the encoder's steps.
+    """Return the differentiation settings to compare, at which motion is not a sensor's steps.
 
-    A controller that responds to the steps makes them predict the current at wider bandwidths. A
-    recorded velocity that is no difference of the positions counts as another sensor's, to which
-    the encoder's steps are no limit.
+    A controller that responds to the steps makes them predict the current at wider bandwidths; and
+    at constant speeds, a velocity in whole counts does not change, as it does in other motion.
     """
     choices = candidate_settings(samples, samples.velocity)
-    narrowest, *wider = [choice for choice in choices if choice['source'] == 'position']
     piece = samples.take(np.arange(min(len(samples), _PIECE)))
-    steps = piece.with_(position=samples.position_step * np.random.default_rng(0).random(
-        len(piece)))
+    random = np.random.default_rng(0).random(len(piece))
+    steps = {'position': piece.with_(position=samples.position_step * random)}
+    if samples.velocity is not None:
+        steps['velocity'] = piece.with_(velocity=smallest_step(samples.velocity) * random)
 
     def acceleration(of: Samples, choice: dict[str, Any]) -> float:
         return rms(np.asarray(differentiate(of, choice).acceleration))
-    most = thresholds.ENCODER_STEPS * acceleration(samples, narrowest)
-    unresolved = {choice['bandwidth'] for choice in wider if acceleration(steps, choice) > most}
-    other_sensor = samples.velocity is not None and np.median(np.abs(
-        samples.velocity[1:] * samples.sample_time - np.diff(samples.position))
-    ) > 0.1 * samples.position_step
-    return [choice for choice in choices if choice['bandwidth'] not in unresolved
-            or (other_sensor and choice['source'] == 'velocity')]
-
-
-def velocity_delay(samples: Samples) -> float:
-    """Return by how much the recorded velocity is later than the position, s; 0 without it.
-
-    A drive that filters its velocity delays it: against it, viscous friction looks like inertia.
-    """
-    velocity = samples.velocity
-    if velocity is None or not np.any(velocity):
-        return 0.0
-    samples = excerpt(samples, np.ones(len(samples), dtype=bool))[0]
-    settings = smooth_settings(samples)
-    recorded, true = (differentiate(samples, {**settings, 'source': source})
-                      for source in ('velocity', 'position'))
-    late = np.asarray(true.velocity) - np.asarray(recorded.velocity)
-    acceleration = np.asarray(true.acceleration)
-    pieces = np.array_split(np.arange(len(late)), int(thresholds.BLOCKS))
-    squares = np.array([np.sum(acceleration[piece] ** 2) for piece in pieces])
-    products = np.array([late[piece] @ acceleration[piece] for piece in pieces])
-    # The median: where the joint rests, and where encoders disagree, there is no delay.
-    moving = squares > 0.1 * squares.max()
-    return float(np.median(products[moving] / squares[moving])) if moving.any() else 0.0
+    # The narrowest of the positions shows the motion.
+    most = thresholds.ENCODER_STEPS * acceleration(samples, choices[0])
+    return [choice for choice in choices if choice is choices[0]
+            or acceleration(steps[choice['source']], choice) <= most]
 
 
 def excerpt(samples: Samples, mask: np.ndarray) -> tuple[Samples, np.ndarray]:
@@ -156,6 +130,13 @@ def standstill_speed(samples: Samples) -> float:
     return float(min(max(0.01 * top, noise), 0.05 * top))
 
 
+def widened(mask: np.ndarray, reach: int) -> np.ndarray:
+    """Return which samples are within `reach` of one that a mask, bool, shape (N,), selects."""
+    count = np.concatenate(([0], np.cumsum(mask)))
+    index = np.arange(len(mask))
+    return count[np.minimum(index + reach + 1, len(mask))] > count[np.maximum(index - reach, 0)]
+
+
 def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
               bandwidth: float | None) -> np.ndarray:
     """Return which samples show friction; raises `InputError` if too few are in motion.
@@ -172,12 +153,11 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if (
         filters(bandwidth, samples.sample_time)) else 0
     rest_samples = round(thresholds.REST / samples.sample_time)
-    # Opening removes runs that are shorter than a rest.
-    rest = grey_opening(still, max(rest_samples, 1), mode='constant')
-    starts = maximum_filter1d(rest, 2 * rest_samples + 1)
+    # Without runs that are shorter than a rest.
+    rest = ~widened(~still, rest_samples // 2)
+    starts = widened(rest, rest_samples + rest_samples // 2)
     starts &= speed < thresholds.PRESLIDING_SPEED * top_speed(speed)
-    blurred = 2 * filter_samples + 1
-    for mask in (maximum_filter1d(still, blurred), maximum_filter1d(ends, blurred), starts):
+    for mask in (widened(still, filter_samples), widened(ends, filter_samples), starts):
         remaining = moving & ~mask
         if remaining.sum() > 0.8 * moving.sum():
             moving = remaining
@@ -201,20 +181,17 @@ def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
                      model.settings.get('bandwidth'))
 
 
-def blocks_of(samples: Samples, start: np.ndarray) -> np.ndarray:
-    """Return the block of each row, shape (R,): long periods with about equal numbers of rows.
+def regimes_in(samples: Samples, start: np.ndarray, length: int = 1,
+               others: Sequence[np.ndarray] = ()) -> np.ndarray:
+    """Return the regime of motion of each row of `length` samples, shape (R,).
 
-    Edges are moved to the nearest gap or recording's end within a third of a block.
+    Regimes differ in position, velocity, acceleration and load; where other joints moved too, whose
+    positions are `others`, each (N,), in posture: a wrong term may fit one posture alone.
     """
-    parts = samples.segments(max(0.5 / samples.sample_time, 20.0))
-    run = np.searchsorted([part.start for part in parts], start, side='right')
-    size, count = len(start), int(thresholds.BLOCKS)
-    run_edges = np.nonzero(np.diff(run))[0] + 1
-    edges = []
-    for edge in np.linspace(0, size, count + 1)[1:-1]:
-        nearest = run_edges[np.argmin(np.abs(run_edges - edge))] if len(run_edges) else -size
-        edges.append(int(nearest if abs(nearest - edge) < size / count / 3.0 else edge))
-    return np.searchsorted(np.unique(edges), np.arange(size), side='right')
+    signals = others or (samples.position, samples.velocity, samples.acceleration, samples.load,
+                         samples.rigid_body)
+    return regimes_of([values[start + length // 2] for values in signals if values is not None],
+                      int(thresholds.REGIMES))
 
 
 def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
@@ -260,7 +237,8 @@ def beyond_limit(samples: Samples, at_limit: np.ndarray, beside: np.ndarray) -> 
     speed = np.abs(np.asarray(moved.velocity))
     every = plain_columns(
         moved, (np.percentile(speed[start], 95) * np.array(TRANSITIONS)).tolist())
-    sums = sums_of(every[start], moved.current[start], blocks_of(moved, start))
+    sums = BlockSums.over(np.vstack((every[start].T, moved.current[start])),
+                          regimes_in(moved, start))
     inner = range(every.shape[1])
     error = math.sqrt(float(sums.held_out_errors(inner).sum()) / len(start))
     excess, cut = every @ sums.fit(inner) - moved.current, at_limit.copy()
@@ -276,23 +254,23 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
 
     By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
-    if the load lowers the error of blocks that were not fitted, with half to twice this
+    if the load lowers the error of regimes that were not fitted, with half to twice this
     coefficient, the motor carries it, and its coefficient is fitted as that of an effect. If it
     does not, but the load overcomes friction or accelerates the joint, then a person moves it, and
     the current is that of a compensation law or zero: the known coefficient has to be used. A
     sensor behind the gear may show the torque of the motor on the links instead, of the other sign:
-    then friction and inertia alone predict blocks that were not fitted, without a weight, and only
+    then friction and inertia alone predict regimes that were not fitted, without a weight, and only
     with that sign. The current shows that torque: again its coefficient is fitted.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
     mechanics = -1.0 / drive.torque_per_current
     moved, start = smooth_motion(*excerpt(samples, unusable))
-    part, block = moved.take(start), blocks_of(moved, start)
+    part, block = moved.take(start), regimes_in(moved, start)
     velocity, load = np.asarray(part.velocity), np.asarray(part.load)
     columns = plain_columns(part.with_(load=None))
     plain = range(columns.shape[1])
-    sums = sums_of(np.column_stack((columns, load)), part.current, block)
+    sums = BlockSums.over(np.vstack((columns.T, load, part.current)), block)
     without, fitted = (float(sums.held_out_errors(some).sum())
                        for some in (plain, [*plain, len(plain)]))
     shown = sums.fit([*plain, len(plain)])[-1] / mechanics
@@ -302,7 +280,8 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     # inertia return what they take. The blocks left out in turn give its standard error, and that
     # of the inertia, the column after these.
     last = len(TRANSITIONS) + 2
-    fits = sums_of(columns, load, block).fits(plain, 1.0 - np.eye(int(block.max()) + 1))
+    fits = BlockSums.over(np.vstack((columns.T, load)), block).fits(
+        plain, 1.0 - np.eye(int(block.max()) + 1))
     power = fits[:, 1:last] @ (columns[:, 1:last].T @ velocity)
     # With twice the usual margin, since a sensor's load of the wrong sign would count twice.
     moves = any(values.mean() > 2.0 * thresholds.STANDARD_ERRORS * np.sqrt(
@@ -318,22 +297,11 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     return mechanics if moves else 0.0
 
 
-def delay_errors(moved: Samples, start: np.ndarray) -> Callable[[float], float]:
-    """Return the squared error of a plain drive on held-out blocks by its delay, s.
-
-    The delay is rounded to whole samples, so that the noise of the current stays the same.
-    """
-    part, block = moved.take(start), blocks_of(moved, start)
-    columns = plain_columns(part)
-    return lambda delay: held_out_error(columns, moved.current[np.clip(
-        start - round(delay / moved.sample_time), 0, len(moved) - 1)], block)
-
-
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
-                           load: float, filtered: bool = True) -> dict[str, Any]:
-    """Return the differentiation settings with which a plain drive predicts other blocks best.
+                           load: float) -> dict[str, Any]:
+    """Return the differentiation settings with which a plain drive predicts other regimes best.
 
-    `joints` and `load` are those of `Rows`; measured signals stay as recorded unless `filtered`.
+    `joints` and `load` are those of `Rows`.
     """
     samples, unusable = excerpt(samples, unusable)
     joints = joints if samples.rigid_body is None else ()
@@ -341,7 +309,7 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
         samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
                                 load=None)
     smoothed, start = smooth_motion(samples, unusable)
-    block = blocks_of(samples, start)
+    block = regimes_in(smoothed, start)
     errors: list[tuple[float, dict[str, Any]]] = []
 
     def error_with(moved: Samples, settings: dict[str, Any]) -> float:
@@ -355,8 +323,8 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
         return held_out_error(columns, part.current, block)
     # The load first, since noise in motion may make up for its noise.
     smooth = smooth_settings(samples)
-    signals = choose_signals(samples, {}, lambda changed: error_with(
-        smoothed.with_(**changed), smooth)) if filtered else {}
+    signals = choose_signals(
+        samples, lambda changed: error_with(smoothed.with_(**changed), smooth))
     for choice in resolved_settings(samples):
         if signals:
             choice['signals'] = signals
@@ -371,44 +339,26 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
                key=lambda choice: choice['bandwidth'])
 
 
-def choose_signals(samples: Samples, settings: dict[str, Any],
-                   error: Callable[[dict[str, np.ndarray]], float], with_lag: bool = False
+def choose_signals(samples: Samples, error: Callable[[dict[str, np.ndarray]], float]
                    ) -> dict[str, Any]:
-    """Return the settings of measured signals with which other blocks are predicted best.
+    """Return the bandwidths of measured signals with which other regimes are predicted best.
 
-    `settings` are the present ones, and `error` returns the squared error with some signals
-    replaced. Lags are chosen anew only `with_lag`.
+    `error` returns the squared error with some signals replaced.
     """
     chosen: dict[str, Any] = {}
     for name in MEASURED:
         values = getattr(samples, name)
-        if values is not None and np.ptp(values) > 0.0:
-            own = _choose_signal(samples, name, settings.get(name, {}), error, with_lag)
-            chosen |= {name: own} if own else {}
+        if values is None or not np.ptp(values) > 0.0:
+            continue
+        rate = 1.0 / samples.sample_time
+        tried = {value: prepared_signal(samples, values, value) for value in (
+            *(value for value in _SIGNAL_BANDWIDTHS if value <= _WIDEST * rate), 0.5 * rate)}
+        errors = {value: error({name: signal}) for value, signal in tried.items()}
+        most = (1.0 + thresholds.EQUIVALENT) ** 2 * min(errors.values())
+        bandwidth = max(value for value, error_ in errors.items() if error_ <= most)
+        if not np.array_equal(tried[bandwidth], values):
+            chosen[name] = {'bandwidth': bandwidth}
     return chosen
-
-
-def _choose_signal(samples: Samples, name: str, present: dict[str, Any],
-                   error: Callable[[dict[str, np.ndarray]], float], with_lag: bool
-                   ) -> dict[str, Any]:
-    """Return the settings of one signal; empty where it is best as recorded, or has no effect."""
-    values = np.asarray(getattr(samples, name))
-
-    def error_with(bandwidth: float | None, lag: float) -> float:
-        return error({name: prepared_signal(samples, values, bandwidth, lag)})
-    now, lag = present.get('bandwidth'), present.get('lag', 0.0)
-    if with_lag:
-        change, gain = best_lag(lambda change: error_with(now, lag + change),
-                                samples.sample_time, known=lag)
-        if gain > (thresholds.EQUIVALENT if lag else ENOUGH):
-            lag += change
-    rate = 1.0 / samples.sample_time
-    errors = {value: error_with(value, lag) for value in (
-        *(value for value in _SIGNAL_BANDWIDTHS if value <= _WIDEST * rate), 0.5 * rate)}
-    most = (1.0 + thresholds.EQUIVALENT) ** 2 * min(errors.values())
-    bandwidth = max(value for value, error in errors.items() if error <= most)
-    as_recorded = not lag and np.array_equal(prepared_signal(samples, values, bandwidth), values)
-    return {} if as_recorded else {'bandwidth': bandwidth, 'lag': lag}
 
 
 def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:

@@ -18,23 +18,16 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import line_of
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.parallel import one_thread
-from friction_comp.refinement import thresholds
-from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
-from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, MAX_SHIFT, Table, Term
-from friction_comp.refinement.judge import fault_of_velocity
-from friction_comp.refinement.number_intervals import recorded_of
+from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem, rivals_of
+from friction_comp.refinement.effect_columns import EQ6_LINEAR
+from friction_comp.refinement.intervals import Intervals, intervals, recorded_of
 from friction_comp.refinement.prepare import join
-from friction_comp.refinement.recorded_motion import settings_for_arm, velocity_delay
+from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
 from friction_comp.refinement.result import Origin, Predicted, RefineResult, TRUST
 from friction_comp.refinement.reversals import friction_at_rest
-from friction_comp.refinement.search import adjust_constants, at_limit
-from friction_comp.refinement.stability import intervals, repeat_search, rivals_of, unsettled
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
-
-# Transitions that are tried on all samples, and the most samples for that.
-_STEEPNESSES, _MOST_SAMPLES = 16, 30_000
 
 
 @one_thread
@@ -78,16 +71,15 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
         declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
     origin = replace(origin, unit=unit or origin.unit or ('A' if declared else 'N·m'))
-    samples, late = _without_late_velocity(join(recorded), model)
-    origin = replace(origin, warnings=[*origin.warnings, *late])
-    problem = Problem(samples, drive, declared, model,
+    problem = Problem(join(recorded), drive, declared, model,
                       linear=origin.unit == 'N' or 'position_unit' in origin.notes)
     fit = find_best_fit(problem)
-    report_progress(0.6, 'repeating the search on resampled parts')
-    fit = select_named(fit)
+    report_progress(0.6, 'intervals and rivals')
+    fit = replace(fit, rivals=rivals_of(fit))
+    bounds = intervals(fit)
     report_progress(0.9, 'writing')
     raw, rows = problem.raw, fit.rows
-    new, unknown = model_of(fit, problem), ''
+    new, unknown = model_of(fit, problem, bounds), ''
     # Ramps of identification show it better.
     if not (new.presliding and new.breakaway):
         rest = friction_at_rest(
@@ -99,9 +91,8 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
         residual = model.measured(raw) - model.predict(raw, same_recording=True)
         start = Predicted(replace(model, drive=drive), residual, residual)
     else:
-        plain = refit(fit_eq6_alone(problem, fit.settings), [])
-        plain = replace(plain, intervals=intervals(plain.table, [], unsettled(plain.table, [])))
-        first = model_of(plain, problem)
+        plain = fit_eq6_alone(fit)
+        first = model_of(plain, problem, intervals(plain))
         start = Predicted(first, rows.samples.current - first.current(rows.samples),
                           plain.residual())
     refined = Predicted(new, raw.current - new.predict(raw, same_recording=True), fit.residual(),
@@ -109,7 +100,7 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
     # A model that is no better on parts that were not fitted is not used.
     if rms(refined.held_out[rows.usable]) >= rms(start.held_out[rows.usable]):
         refined = start
-    report = report_of(problem, fit, start, refined, origin)
+    report = report_of(problem, fit, bounds, start, refined, origin)
     # A given model that is kept keeps what its file says of the recordings it was fitted to.
     known = None if refined.model is model else refined.model.recorded
     written = replace(refined.model, position_limits=limits, recorded=known and replace(
@@ -127,102 +118,7 @@ def _longest_step(raw: Samples) -> float:
                for number in np.unique(raw.recording))
 
 
-def _without_late_velocity(samples: Samples, model: FrictionModel | None
-                           ) -> tuple[Samples, list[str]]:
-    """Return samples without a velocity that is late, unless a model needs it, and a note."""
-    if fault_of_velocity(samples):
-        # Another fault than a filter, which is found.
-        return samples, []
-    delay = velocity_delay(samples)
-    needed = model is not None and (model.differentiation or {}).get('source') == 'velocity'
-    if delay <= thresholds.LATE_VELOCITY * samples.sample_time:
-        return samples, []
-    note = f'The recorded velocity is {1e3 * delay:.2g} ms later than the position'
-    if needed:
-        return samples, [f'{note}: inertia is too large by viscous friction times this.']
-    # No filter is that late: noise hides another unit.
-    return samples.with_(velocity=None), [
-        (f'{note}, as after a filter' if delay <= thresholds.LONGEST_LAG else
-         'The recorded velocity is not the slope of the position') + ': it is not used.']
-
-
-def select_named(fit: Fit) -> Fit:
-    """Return a fit of the terms that can be named, with what is certain of them.
-
-    A term is named where most repeated searches choose it, where the interval of one of its
-    coefficients excludes zero, where none of its defining constants is at its limit, and where it
-    is not the same wave as another.
-    """
-    fit = replace(fit, found=tuple(fit.terms), found_error=fit.rmse_with(fit.terms))
-    chosen = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
-    terms = [term for k, term in enumerate(fit.terms)
-             if k < fit.initial_count or chosen[term] >= thresholds.NAMED_SHARE]
-    # The links of a URDF are all weight: another beside them makes up for what is wrong with them.
-    # Where it is more than that, it stays: a name must not change what the model predicts.
-    links = any(term.kind.name == 'rigid_body' for term in terms)
-    rest = [term for term in terms if not (
-        links and term.kind.weight and term.kind.needs == () and term in chosen)]
-    if fit.rmse_with(rest) < thresholds.NAMING_ERROR * fit.rmse_with(terms):
-        terms = rest
-    while True:
-        fit = refit(fit, terms)
-        # The constants were adjusted again, so terms have changed.
-        chosen = {new: chosen[term] for term, new in zip(terms, fit.terms)}
-        terms, table, coverage = fit.terms, fit.table, fit.rows.coverage
-        bounds = intervals(table, terms)
-        certain = [term for k, term in enumerate(terms) if k < fit.initial_count or (
-            bounds.excludes_zero(table, term) and not at_limit(term, coverage)
-            and not any(term.repeats(other, coverage.span) for other in terms[:k]))]
-        if len(certain) == len(terms):
-            return replace(fit, chosen=chosen,
-                           intervals=intervals(table, terms, unsettled(table, terms)),
-                           rivals=rivals_of(table, terms, fit.initial_count))
-        terms = certain
-
-
-def refit(fit: Fit, terms: Sequence[Term]) -> Fit:
-    """Fit some terms alone, with the transition that predicts all samples best."""
-    terms = adjust_constants(fit.table, terms, 5)
-    # The transition is tried at many places, each with sums over all columns.
-    table = fit.table.part(terms)
-    table.fit_transition(terms)
-    _fit_transition_to_all_samples(table, terms)
-    return replace(fit, table=table, terms=terms)
-
-
-def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
-    """Set the transition of Eq. 6 that predicts all samples best, of those good in motion.
-
-    Samples near standstill are not used to choose effects, since the current of a joint that
-    sticks is not friction. But only they show how steeply friction changes its sign.
-    """
-    rows = table.rows
-    index = np.arange(0, len(rows.samples), max(1, len(rows.samples) // _MOST_SAMPLES))
-    steepness, shift = table.transition
-    widths = rows.coverage.speed * np.geomspace(3e-4, 0.25, _STEEPNESSES)
-    grid = [(steepness, shift), (steepness, 0.0)] + [
-        (2.0 / width, trial) for width in widths for trial in dict.fromkeys((shift, 0.0))]
-    others = np.column_stack([term.columns(rows) for term in terms]
-                             or [np.empty((len(rows.samples), 0))])[index]
-    columns, target = table.indices(terms, derivatives=False), rows.target[index]
-    trials = []
-    for steepness, shift in grid:
-        limit = MAX_SHIFT / steepness
-        table.set_transition(steepness, float(np.clip(shift, -limit, limit)))
-        error = float(table.held_out_errors(columns).sum())
-        base = eq6_columns(rows, *table.transition)[index, :EQ6_LINEAR]
-        fitted = table.sums.fit(columns)
-        residual = target - base @ fitted[:EQ6_LINEAR] - others @ fitted[EQ6_LINEAR:]
-        # Limit the influence of outliers.
-        size = np.abs(residual)
-        size = np.minimum(size, np.quantile(size, 0.999))
-        trials.append((error, float(size @ size), table.transition))
-    most = thresholds.SAME_MOTION_ERROR * min(error for error, *_ in trials)
-    *_, best = min((trial for trial in trials if trial[0] <= most), key=lambda trial: trial[1])
-    table.set_transition(*best)
-
-
-def model_of(fit: Fit, problem: Problem) -> FrictionModel:
+def model_of(fit: Fit, problem: Problem, bounds: Intervals) -> FrictionModel:
     """Return the model of a fit with the intervals of its numbers.
 
     The parts that refinement does not fit are the initial model's. Breakaway friction changes as
@@ -259,7 +155,7 @@ def model_of(fit: Fit, problem: Problem) -> FrictionModel:
         'joint': problem.raw.joint or (initial.joint if initial else '')}
     model = (replace(initial, drive=problem.drive, arm=arm or initial.arm, **fitted) if initial
              else FrictionModel(problem.drive, arm=arm, **fitted))
-    model = replace(model, recorded=recorded_of(fit, model))
+    model = replace(model, recorded=recorded_of(fit, bounds, model))
     if initial and initial.breakaway and model.recorded and model.recorded.speeds:
         return replace(model, breakaway=initial.breakaway.times(
             _change_of_friction(initial, model, model.recorded.speeds)))

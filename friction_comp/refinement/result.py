@@ -38,7 +38,7 @@ class Predicted:
 
     model: FrictionModel
     own: np.ndarray  # of the model itself
-    held_out: np.ndarray  # of each part, by a fit to all others
+    held_out: np.ndarray  # of each regime of motion, by a fit to all others
     no_presliding: str = ''  # why the recordings do not show presliding; empty where it is known
 
 
@@ -48,15 +48,15 @@ class Errors:
 
     model: str  # names of its parts
     fit_rmse: float  # RMS in motion, as written, by `predict` on the recording
-    held_out_rmse: float  # RMS in motion, each part predicted by a fit to all others
+    held_out_rmse: float  # RMS in motion, each regime predicted by a fit to all others
     held_out_max: float  # largest
     held_out_r2: float  # share of the variance that is explained
-    worst_part_rmse: float  # of the part with the largest error
+    worst_part_rmse: float  # of the regime with the largest error
     standstill_rmse: float | None  # at and near standstill; null if there is none
     overall_rmse: float  # held out, with standstill
     elsewhere_rmse: float  # to expect on another recording, with standstill
     elsewhere_motion_rmse: float  # the same in motion only
-    part_rmse: list[float]  # of each part
+    part_rmse: list[float]  # of each regime
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class FoundEffect:
     name: str  # that in the model file
     variable: str  # what it depends on
     held_out_rmse: float  # with it and all effects above it
-    chosen: float  # share of the repeated searches, 0..1
+    chosen: float  # share of the regimes that are predicted better with it, 0..1
     parameters: dict[str, Any]  # as in the model file
     intervals: dict[str, Any]  # 95 %, of the same names
     holds_on_another_day: bool | None  # false if it is this recording's alone; none of a lag
@@ -74,14 +74,6 @@ class FoundEffect:
     formula: str  # the same as a formula
     # Names of other effects that would predict as well: the recording cannot tell which it is.
     instead: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class Correlation:
-    """Two parameters that the recordings determine together better than each alone."""
-
-    between: list[str]  # their names
-    correlation: float  # rank correlation over fits to parts drawn at random
 
 
 @dataclass(frozen=True)
@@ -139,10 +131,8 @@ class RefinementReport(Mapping[str, Any]):
     effects: list[FoundEffect]  # those found, in the order in which they lower the error
     friction: FrictionNumbers  # the numbers of a sliding joint
     assumed: list[str]  # columns of a table without a unit, with the one taken for granted
-    correlations: list[Correlation]  # of pairs of parameters, at most eight
     unexplained: list[Dependence]  # variables on which the residual still depends
     ambiguous: list[Question]  # effects that the recording cannot tell apart
-    thirds: dict[str, float]  # error with a third of a range left out, over the other
     differentiation: dict[str, Any]  # how velocity and acceleration were computed
     stopped_because: str  # why the search ended
     verdict: str  # trust, trust in part, or record again: the worst grade of the findings

@@ -18,7 +18,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects.base import RESISTS
@@ -38,6 +37,10 @@ _MOST_PLACES = 20_000
 # Share of the change of friction at which presliding ends, that is at 95 % of the level there, and
 # of the samples over which its peak is averaged.
 _END, _PEAK = 0.975, 1.0 / 8.0
+# Shortest time for the change, s: a delay or filter of the current makes faster ones longer; steps
+# of position that presliding has to cover; and the longest, rad: usual geared joints have 0.1 to
+# 3 mrad, what is longer is a spring or backlash.
+_SHORTEST, _COUNTS, _LONGEST = 0.05, 2, 5e-3
 # Ways beyond a turn, in presliding distances, over which the gear has just begun to slide.
 _SLIDES = (1.8, 3.0)
 # Beside the scatter, standard deviations: of a way within a count, counts, and of the method, a
@@ -74,27 +77,25 @@ def friction_at_rest(raw: Samples, model: FrictionModel, count: float) -> AtRest
     count : float
         Smallest step of the recorded position, rad.
     """
-    if model.settings.get('time_constant'):
-        return AtRest(None, None, 'the torque follows the current by a low pass')
     friction = friction_at(raw, model)
     shown = _at_own_scale(raw, friction, count)
     # In those that are faster, few samples or a late current would decide.
-    fewest = max(thresholds.REVERSAL_SAMPLES, thresholds.REVERSAL_TIME / raw.sample_time)
+    fewest = max(thresholds.REVERSAL_SAMPLES, _SHORTEST / raw.sample_time)
     shown = [one for one in shown if one.taken >= fewest]
     if len(shown) < thresholds.REVERSALS:
         return AtRest(None, None, 'there are too few reversals, or they are too fast for the rate')
     ways = np.array([one.end for one in shown])
     # What friction does within two counts, an encoder does not show.
-    beyond = max(0.5 * float(np.median(ways)), thresholds.REVERSAL_COUNTS * count)
+    beyond = max(0.5 * float(np.median(ways)), _COUNTS * count)
     breakaway = None
-    if beyond <= thresholds.LONGEST_PRESLIDING:
+    if beyond <= _LONGEST:
         breakaway = _breakaway(raw, friction, shown, beyond)
     if breakaway is None:
         return AtRest(None, None, 'friction beyond turns is not the same each time')
     distance = 0.5 * float(np.median(ways))
-    if not distance > thresholds.REVERSAL_COUNTS * count:
+    if not distance > _COUNTS * count:
         return AtRest(None, breakaway, 'presliding is shorter than '
-                      f'{thresholds.REVERSAL_COUNTS:.0f} steps of the position')
+                      f'{_COUNTS:.0f} steps of the position')
     std = math.hypot(0.5 * _spread(ways), _SHARE_OF_COUNT * count, _METHOD * distance)
     if std > thresholds.REVERSAL_SPREAD * distance:
         return AtRest(None, breakaway, f'reversals differ by {100.0 * std / distance:.0f} %')
@@ -173,7 +174,7 @@ def _reversals(raw: Samples, friction: np.ndarray, window: float) -> Iterator[_R
             change = side * current[turn:turn + stop]
             if len(level) < 3 or stop < thresholds.REVERSAL_SAMPLES:
                 continue
-            smooth = uniform_filter1d(change, max(3, round(_PEAK * stop)), mode='nearest')
+            smooth = _running_mean(change, max(3, round(_PEAK * stop)))
             peak = int(np.argmax(smooth))
             height = float(smooth[peak] - np.median(level))
             if height <= 0.0:
@@ -184,6 +185,12 @@ def _reversals(raw: Samples, friction: np.ndarray, window: float) -> Iterator[_R
             if end <= peak:
                 yield _Reversal(side, float(way[early]), float(way[end]), float(end),
                                 part.start + turn, part.start + following)
+
+
+def _running_mean(values: np.ndarray, length: int) -> np.ndarray:
+    """Return the means of `length` values about each, those at the ends repeated, shape (N,)."""
+    padded = np.pad(values, (length // 2, length - 1 - length // 2), mode='edge')
+    return np.convolve(padded, np.full(length, 1.0 / length), mode='valid')
 
 
 def _reached(values: np.ndarray, level: float) -> int:

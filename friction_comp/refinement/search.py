@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Selects effects forward, backward and by exchange, and adjusts their constants.
+"""Selects effects by one criterion: the error in regimes of motion that were not fitted.
 
-The selection needs block sums alone; constants are adjusted between the points of their grids. The
-only criterion is the error of blocks that were not fitted. An effect is an improvement where it
-lowers that error by `LEAST_SHARE`, and by two standard errors over the blocks.
+Terms are added while that error becomes clearly smaller, and removed while it does not become
+clearly larger: what is left is the smallest model whose error is within the scatter of the best.
+Constants are adjusted between the points of their grids.
 """
 
 from __future__ import annotations
@@ -19,19 +19,25 @@ import numpy as np
 
 from friction_comp.model.effects import Coverage
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.effect_columns import EQ6_LINEAR, Table, Term
+from friction_comp.refinement.effect_columns import EQ6_LINEAR, first_model, proposals, Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6
 # Of the squared error: a step that brings less is the last.
 _LEAST_GAIN = 1e-3
-# Constants that define an effect; the others only say how it fades.
-_DEFINING = ('time_constant', 'width', 'distance')
 
 
-def total(errors: Sequence[np.ndarray]) -> float:
-    """Return the sum of all errors."""
-    return float(sum(part.sum() for part in errors))
+def gain_of(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """Return the share of a squared error that is gained, and the gain in standard errors.
+
+    Both are the errors of regimes, (K,). In the second, each counts relative to its own error, so
+    that one with large errors cannot decide.
+    """
+    gain, count = before - after, len(before)
+    ratio = gain / np.maximum(before + after, 1e-300)
+    mean = float(ratio.sum()) / count
+    scatter = math.sqrt(float(np.sum((ratio - mean) ** 2)) / (count - 1) / count)
+    return float(gain.sum() / max(before.sum(), 1e-300)), mean / max(scatter, 1e-12)
 
 
 def error_reductions(sums: np.ndarray, chosen: list[int], candidates: Sequence[Sequence[int]],
@@ -80,68 +86,33 @@ def own_shares(table: Table, terms: Sequence[Term]) -> list[float]:
 
 
 class Search:
-    """A search among the terms of a table, by the errors of blocks that were not fitted.
+    """A search among the terms that the effects propose for what is left of a table's target.
 
-    Each block is predicted by the fit to all others. Where several joints moved, so is each
-    region of posture: a wrong term that fits the postures of the recording would not be noticed.
-
-    `candidates` may be added, and `fixed` terms are always kept. `weights`, shape (B,), are the
-    numbers of times that each block is fitted; blocks with weight 0 are held out.
+    The `fixed` terms are always kept.
     """
 
-    def __init__(self, table: Table, candidates: list[Term], fixed: Sequence[Term] = (),
-                 weights: np.ndarray | None = None) -> None:
-        self.table, self.candidates, self.fixed = table, candidates, fixed
-        self._resampled = weights is not None
-        drawn = np.ones(len(table.block)) if weights is None else weights[table.block]
-        self._held_out = np.flatnonzero(drawn == 0.0)
-        # The table of a resampled search stays as it is.
-        self._fitted = np.tensordot(drawn, table.sums.gram, 1) if self._resampled else None
+    def __init__(self, table: Table, fixed: Sequence[Term] = ()) -> None:
+        self.table, self.fixed = table, list(fixed)
+        self.candidates: list[Term] = []
+        self._single = {term.kind for term in fixed if term.kind.max_count == 1}
+        # Effects of time and history are offered last, so that they do not replace a recorded
+        # cause, or a lag.
+        self.late = False
         # By transition and terms, which the same steps compare again and again.
-        self._errors: dict[tuple[tuple[float, float], frozenset[Term]], list[np.ndarray]] = {}
-        self._regions = len(np.unique(table.region)) > 1
-        # A resampled sample holds out too few blocks to test their mean.
-        self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
+        self._errors: dict[tuple[tuple[float, float], frozenset[Term]], np.ndarray] = {}
 
-    def after_addition(self, terms: list[Term]) -> list[Term]:
-        """Return terms after one was added; a subclass may adjust them and update `candidates`."""
-        return terms
-
-    def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
-        """Return the squared errors of held-out blocks and, if any, of held-out regions."""
-        table, sums, key = self.table, self.table.sums, (self.table.transition, frozenset(terms))
+    def errors(self, terms: Sequence[Term]) -> np.ndarray:
+        """Return the squared error of each regime by the fit to all others."""
+        key = self.table.transition, frozenset(terms)
         if key not in self._errors:
-            columns = table.indices(terms)
-            if self._resampled:
-                errors = [sums.errors_of_fit(columns, self._held_out, self._fitted)]
-            else:
-                errors = [table.block_errors(terms)]
-                errors += [sums.held_out_errors(columns, table.region)] if self._regions else []
-            self._errors[key] = errors
+            self._errors[key] = self.table.errors(terms)
         return self._errors[key]
 
-    def error(self, terms: Sequence[Term]) -> float:
-        """Return the sum of the held-out squared errors of a fit of some terms."""
-        return total(self.errors(terms))
-
-    def cost(self, terms: Sequence[Term]) -> float:
-        """Return the held-out error by which ends of searches are compared: each term costs."""
-        return self.error(terms) * (1.0 + thresholds.LEAST_SHARE) ** len(terms)
-
-    def is_improvement(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
-                       share: float = 1.0) -> bool:
-        """Return whether all `errors` decrease clearly, by `share` of the thresholds."""
-        for old, new in zip(before, after):
-            gain, count = old - new, len(old)
-            if not gain.sum() > share * thresholds.LEAST_SHARE * old.sum():
-                return False
-            # Relative to the error of each block, so that a block with large errors cannot decide.
-            ratio = gain / np.maximum(old + new, 1e-300)
-            mean = float(ratio.sum()) / count
-            scatter = math.sqrt(float(np.sum((ratio - mean) ** 2)) / (count - 1) / count)
-            if not mean > share * self._standard_errors * scatter:
-                return False
-        return True
+    @staticmethod
+    def is_better(before: np.ndarray, after: np.ndarray) -> bool:
+        """Return whether an error becomes clearly lower: by a share, and beyond its scatter."""
+        share, errors = gain_of(before, after)
+        return share > thresholds.LEAST_SHARE and errors > thresholds.STANDARD_ERRORS
 
     def with_own_terms(self, terms: Sequence[Term]) -> list[Term]:
         """Return terms, and the joint's own inertia or weight where groups of other joints need it.
@@ -170,9 +141,14 @@ class Search:
                 return terms
             terms.remove(collinear[-1])
 
-    def is_independent(self, term: Term, terms: Sequence[Term]) -> bool:
-        """Return whether a term can be added without a collinear one in the fit."""
-        return len(self.without_collinear([*terms, term])) > len(terms)
+    def update_candidates(self, terms: Sequence[Term]) -> None:
+        """Replace the candidates by the terms proposed for the residual of a fit."""
+        table = self.table
+        proposed = proposals(table, terms)
+        table.keep({*self.fixed, *terms, *proposed, *first_model(table)})
+        self.candidates = [
+            term for term in table.add(proposed) if term.kind not in self._single
+            and (self.late or term.kind.variable not in ('time', 'history'))]
 
     def shortlist(self, terms: Sequence[Term]) -> list[Term]:
         """Return the candidates that reduce the fitted error most, one of each effect."""
@@ -181,9 +157,8 @@ class Search:
             counts[term.choice] < term.kind.max_count)]
         if not allowed:
             return []
-        sums = self.table.sums.gram.sum(axis=0) if self._fitted is None else self._fitted
         reductions = error_reductions(
-            sums, self.table.indices(terms),
+            self.table.sums.gram.sum(axis=0), self.table.indices(terms),
             [self.table.columns_of[term] for term in allowed], self.table.sums.signs)
         best: dict[Any, Term] = {}
         for index in np.argsort(-reductions, kind='stable'):
@@ -192,40 +167,44 @@ class Search:
                 best.setdefault(term.choice, term)
         return list(best.values())[:int(thresholds.SHORTLIST)]
 
+    def adjusted(self, terms: Sequence[Term]) -> list[Term]:
+        """Return terms with constants adjusted, as the transition of Eq. 6 is."""
+        terms = adjust_constants(self.table, terms, 3)
+        self.table.fit_transition(terms)
+        return terms
+
     def forward(self, terms: Sequence[Term]) -> list[Term]:
-        """Add terms while one is an improvement, and remove those that became superfluous."""
+        """Add terms while one is needed, and remove those that became superfluous."""
         terms = list(terms)
-        before = self.errors(terms)
         while True:
+            self.update_candidates(terms)
+            before, transition = self.errors(terms), self.table.transition
             trials = [(self.errors(self.with_own_terms([*terms, term])), term)
                       for term in self.shortlist(terms)]
-            trials.sort(key=lambda trial: total(trial[0]))
-            best = next((term for after, term in trials if self.is_improvement(before, after)
-                         and self.is_independent(term, terms)), None)
+            trials.sort(key=lambda trial: float(trial[0].sum()))
+            best = next((term for after, term in trials if self.is_better(before, after)
+                         and term in self.without_collinear([*terms, term])), None)
             if best is None:
                 return terms
-            transition = self.table.transition
-            grown = self.backward(self.after_addition(self.with_own_terms([*terms, best])))
-            now = self.errors(grown)
-            if not total(now) < total(before):
+            grown = self.backward(self.adjusted(self.with_own_terms([*terms, best])))
+            if not self.errors(grown).sum() < before.sum():
                 self.table.set_transition(*transition)
+                self.table.add(terms)
                 return terms
-            terms, before = grown, now
+            terms = grown
 
     def backward(self, terms: Sequence[Term]) -> list[Term]:
-        """Remove terms that are no improvement, the least useful first."""
+        """Remove terms that are not needed, the least useful first."""
         terms = self.with_own_terms(terms)
         while True:
-            full = self.errors(terms)
-            trials: list[tuple[float, Term]] = []
+            full, trials = self.errors(terms), []
             for term in terms:
                 rest = [other for other in terms if other != term]
                 if term in self.fixed or term in self.with_own_terms(rest):
                     continue
                 without = self.errors(rest)
-                share = 1.0 if term.group else thresholds.STAYS
-                if not self.is_improvement(without, full, share):
-                    trials.append((total(without), term))
+                if not self.is_better(without, full):
+                    trials.append((float(without.sum()), term))
             if not trials:
                 return terms
             terms.remove(min(trials, key=lambda trial: trial[0])[1])
@@ -233,18 +212,32 @@ class Search:
     def exchange(self, terms: Sequence[Term]) -> list[Term]:
         """Replace terms by other effects where that lowers the error."""
         terms = list(terms)
+        self.update_candidates(terms)
         for term in list(terms):
+            rest = [other for other in terms if other != term]
             if term in self.fixed:
                 continue
-            rest = [other for other in terms if other != term]
-            limit = self.error(terms) * (1.0 - thresholds.STAYS * thresholds.LEAST_SHARE)
-            trials = [(self.error([*rest, other]), other) for other in self.shortlist(rest)
-                      if (other.kind, other.group) != (term.kind, term.group)]
-            for error, other in sorted(trials, key=lambda trial: trial[0]):
-                if error < limit and self.is_independent(other, rest):
+            limit = (1.0 - thresholds.LEAST_SHARE) * float(self.errors(terms).sum())
+            trials = [(float(self.errors([*rest, other]).sum()), other)
+                      for other in self.shortlist(rest) if other.kind != term.kind]
+            for error, other in sorted(trials, key=lambda trial: trial[0])[:1]:
+                if error < limit and other in self.without_collinear([*rest, other]):
                     terms[terms.index(term)] = other
-                    break
         return terms
+
+    def run(self, start: Sequence[Term]) -> list[Term]:
+        """Search from some terms; return the terms at its end."""
+        # A weight may be no improvement until the larger ripple beside it is known, so terms are
+        # removed only after others were added.
+        terms = self.without_collinear(list(dict.fromkeys([*self.fixed, *start])))
+        self.table.fit_transition(terms)
+        terms = self.forward(terms)
+        return self.backward(self.adjusted(self.exchange(terms)))
+
+    def run_late(self, terms: Sequence[Term]) -> list[Term]:
+        """Search on with effects of time and history; return the terms at the end."""
+        self.late = True
+        return self.backward(self.adjusted(self.forward(terms)))
 
 
 def step_size(term: Term, name: str, coverage: Coverage) -> float:
@@ -274,31 +267,19 @@ def free_constants(terms: Sequence[Term]) -> list[tuple[int, str]]:
             for name, search in term.kind.constants.items() if search is not None]
 
 
-def at_limit(term: Term, coverage: Coverage) -> bool:
-    """Return whether a defining constant is at its limit, where the effect becomes another one.
-
-    A warm-up slower than the recording is a drift; a bump as wide as the range is a spring.
-    """
-    # A step beyond the limit leaves the term unchanged.
-    return any(with_step(term, name, step, coverage) == term
-               for _, name in free_constants([term]) if name in _DEFINING
-               for step in (_STEP, -_STEP))
-
-
 def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]],
-                         at_limits: bool = True) -> tuple[np.ndarray, np.ndarray]:
+                         ) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of a fit's prediction by Q `free_constants`, shape (Q, R).
 
     The unit of each constant is its `step_size`. The part that the term's own columns can express
-    is subtracted, and returned as coefficients of all columns, (Q, P). A constant at its upper
-    limit counts as known unless `at_limits`.
+    is subtracted, and returned as coefficients of all columns, (Q, P).
     """
     coefficients, gram = table.coefficients(terms), table.sums.gram.sum(axis=0)
     rows, shares = np.empty((len(free), len(table.target))), np.zeros((len(free), len(gram) - 1))
     for k, (index, name) in enumerate(free):
         columns = table.columns_of[terms[index]]
         step, changed = _STEP, with_step(terms[index], name, _STEP, table.rows.coverage)
-        if at_limits and changed == terms[index]:
+        if changed == terms[index]:
             # It is at its upper limit.
             step, changed = -_STEP, with_step(terms[index], name, -_STEP, table.rows.coverage)
         gain = np.array([coefficients[column] for column in columns])
@@ -328,10 +309,9 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
         design = np.vstack((table.columns[table.indices(terms)],
                             constant_derivatives(table, terms, free)[0]))
         norm = np.sqrt(np.einsum('ij,ij->i', design, design)) + 1e-300
-        scaled = design / norm[:, None]
-        gram = scaled @ scaled.T
+        gram = design @ design.T / norm / norm[:, None]
         gram[np.diag_indices(len(gram))] += _RIDGE
-        step = np.linalg.solve(gram, scaled @ residual) / norm
+        step = np.linalg.solve(gram, design @ residual / norm) / norm
         step = np.clip(step[-len(free):], -1.0, 1.0)
         initial = float(residual @ residual)
         for share in (1.0, 0.5, 0.25):
@@ -340,7 +320,7 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
                 changed[index] = with_step(changed[index], name, float(size), table.rows.coverage)
             distinct = len(set(changed)) == len(changed)
             if distinct and len(table.add(changed)) == len(changed) and (
-                    error := table.error(changed)) < initial:
+                    error := table.sums.fitted_error(table.indices(changed, False))) < initial:
                 break
         else:
             break

@@ -37,9 +37,9 @@ NAMES = {'coulomb': ('Coulomb', 'A'), 'coulomb_with_load': ('… with load', 'A'
          'stribeck': ('Stribeck, at standstill', 'A'),
          'stribeck_speed': ('Stribeck speed', 'rad/s'), 'transition': ('transition', 'rad/s'),
          'inertia': ('inertia', 'A·s²/rad')}
-# What cannot be judged, by the finding that says so; `standstill` never can.
-_NOT_JUDGED = {'no_presliding': 'starts and turns', 'no_load': 'load',
-               'no_temperature': 'temperature'}
+# What cannot be judged, by words of the note that says so; `standstill` never can.
+_NOT_JUDGED = {'presliding': 'starts and turns', 'No load': 'load',
+               'Motor temperature': 'temperature', 'warm up': 'warm-up'}
 _SLOW_REVERSALS = '10 slow reversals (a sine of 0.1 Hz) at 500 Hz or more'
 # The first number of a sentence with its unit, and the rest.
 _SIZE = re.compile(r'(?:([+−-]?\d[\d.e+−-]*) ([^\s,;]+)[,;]? ?)?(.*)', re.DOTALL)
@@ -206,8 +206,8 @@ def not_judged(report: RefinementReport) -> list[str]:
 
 
 def _not_judged(finding: Finding) -> str:
-    # Nothing that takes minutes shows in a short recording.
-    return 'warm-up' if 'warm-up' in finding.text else _NOT_JUDGED.get(finding.code, '')
+    return next((said for words, said in _NOT_JUDGED.items()
+                 if finding.code == 'not_known' and words in finding.text), '')
 
 
 def remarks(report: RefinementReport) -> list[str]:
@@ -317,7 +317,7 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
     add_steps(page, _next_steps(report, output))
     page.heading('Measured and predicted')
     page.figure(_time_figure(result, quantity_), f'An excerpt. Dots: measured {quantity_}; line: '
-                'predicted, each part by a fit to all others. Below: the difference, in motion.')
+                'predicted, each regime of motion by a fit to all others. Below: the difference.')
     page.figure(_friction_figure(result), f'Friction over velocity. Dots: measured {quantity_} '
                 'without the other effects; line: the friction curve. Below: the difference.')
     shown = _shown_signals(result)
@@ -332,11 +332,11 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
               'that the error at standstill says little.')
     if report.effects:
         page.table(
-            ['effect', 'error with it', 'found in'],
+            ['effect', 'error with it', 'helps in'],
             [[_called(effect), quantity(effect.held_out_rmse, unit),
-              f'{100 * effect.chosen:.0f} % of the searches'] for effect in report.effects],
-            'The search is repeated on parts of the recording drawn at random; an effect is '
-            'reported only if most searches find it.')
+              f'{100 * effect.chosen:.0f} % of the regimes'] for effect in report.effects],
+            'Each regime of motion is predicted by a fit to all others: the share of those that '
+            'are predicted better with the effect.')
     page.bullets(f'{effect.name}: not applied by the compensator, since {reason}'
                  for effect in result.model.effects if (reason := effect.not_fed_back))
     page.bullets(remarks(report), 'Remarks:')
@@ -352,9 +352,9 @@ def number_rows(rows: Sequence[Row]) -> list[list[str]]:
 
 def _error_rows(report: RefinementReport) -> list[list[str]]:
     unit, before, after = report.unit, report.before, report.after
-    named = {'held_out_rmse': ('while moving, on parts not fitted', 'before', 'error'),
+    named = {'held_out_rmse': ('while moving, in regimes not fitted', 'before', 'error'),
              'elsewhere_motion_rmse': ('in other motion, expected', '', 'elsewhere'),
-             'worst_part_rmse': ('in the worst part', '', ''),
+             'worst_part_rmse': ('in the worst regime', '', ''),
              'held_out_max': ('the largest', '', ''),
              'standstill_rmse': ('at standstill', '', ''),
              'fit_rmse': ('where it was fitted', '', '')}

@@ -24,13 +24,26 @@ from friction_comp.model.effects.base import (
 _BINS_A_PERIOD, _MOST_BINS = 4, 1 << 17
 # Fewest waves over the range of position, to distinguish a wave from a slope.
 FEWEST_PERIODS = 1.5
-# Frequencies proposed for each shape of ripple.
-_PEAKS = 4
+# Frequencies proposed for each shape of ripple, neighbourhoods of a spectrum, and how much farther
+# than ln N means the largest of noises is in one of ten cases.
+_PEAKS, _NEIGHBOURHOODS, _ONE_OF_TEN = 4, 16, 2.25
 # Positions of bumps proposed for each width, and the fewest rows by which one is judged.
 _PLACES, _FEWEST = 2, 20
 # Largest spread of a speed that is constant except for starts and reversals: motion to and fro at
 # one speed has 0.25 to 0.35; production strokes, several speeds and sines have 0.46 and more.
 _NEARLY_ONE_SPEED = 0.4
+
+
+def above_noise(power: np.ndarray) -> np.ndarray:
+    """Return which powers of a spectrum no noise has, bool, (M,), but in one of ten spectra.
+
+    Of N powers of white noise about their mean, the largest is about ln N times it; the spectrum
+    has four for each. The mean is that of the neighbourhood, by its median: what is left of a fit
+    is no white noise.
+    """
+    parts = np.array_split(power, max(1, min(_NEIGHBOURHOODS, len(power) // 64)))
+    mean = np.concatenate([np.full(len(part), np.median(part)) for part in parts]) / math.log(2.0)
+    return np.asarray(power > mean * (math.log(max(0.25 * len(power), 1.0)) + _ONE_OF_TEN))
 
 
 def spectrum_peaks(view: ResidualView, amplitude: np.ndarray) -> list[float]:
@@ -57,7 +70,9 @@ def spectrum_peaks(view: ResidualView, amplitude: np.ndarray) -> list[float]:
     if turns_often(coverage):
         near = 0.5 * separation
         keep &= (np.abs(k - np.round(k)) < near) & (k > 1.0 - near)
-    k, power = k[keep], np.abs(np.fft.rfft(sums, size))[keep]
+    power = np.abs(np.fft.rfft(sums, size)) ** 2
+    keep &= above_noise(power)
+    k, power = k[keep], power[keep]
     found: list[float] = []
     for row in np.argsort(power)[::-1][:2000]:
         if len(found) < _PEAKS and all(abs(k[row] - other) > separation for other in found):
