@@ -32,17 +32,19 @@ if TYPE_CHECKING:
     from friction_comp.evaluation.conditions import evaluate
     from friction_comp.identification.goal import IdentificationGoal
     from friction_comp.identification.run import IdentificationRun
-    from friction_comp.layout import Layout
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import read_recording
     from friction_comp.refinement import refine
     from friction_comp.samples import Samples
+    from friction_comp.tables.columns import Layout
+    from friction_comp.tables.table_recording import read_frame
 
 __version__ = '0.2.0'
 
 __all__ = [
     'CompensationLaw', 'Drive', 'FrictionModel', 'IdentificationGoal', 'IdentificationRun',
-    'InputError', 'Layout', 'Samples', 'evaluate', 'read_recording', 'refine',
+    'InputError', 'Layout', 'Samples', 'evaluate', 'read_frame', 'read_recording',
+    'refine',
 ]
 
 _HOMES = {
@@ -52,9 +54,10 @@ _HOMES = {
     'IdentificationGoal': 'friction_comp.identification.goal',
     'IdentificationRun': 'friction_comp.identification.run',
     'InputError': 'friction_comp.errors',
-    'Layout': 'friction_comp.layout',
+    'Layout': 'friction_comp.tables.columns',
     'Samples': 'friction_comp.samples',
     'evaluate': 'friction_comp.evaluation.conditions',
+    'read_frame': 'friction_comp.tables.table_recording',
     'read_recording': 'friction_comp.recordings',
     'refine': 'friction_comp.refinement',
 }

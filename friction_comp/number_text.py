@@ -6,8 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import math
+import re
+from typing import TypeVar
 
 import numpy as np
+
+T = TypeVar('T')
 
 
 def number(value: float | int | None, digits: int = 3) -> str:
@@ -51,3 +55,21 @@ def aligned(rows: Sequence[Sequence[str]], before: str = '') -> list[str]:
     widths = [max(map(len, column)) for column in zip(*rows)]
     return [before + '  '.join(f'{text:<{width}}' for text, width in zip(row, widths)).rstrip()
             for row in rows]
+
+
+def in_own_units(content: T, linear: bool) -> T:
+    """Return text, or the texts of a report, with m and N instead of rad and N·m if `linear`."""
+    if not linear:
+        return content
+    if isinstance(content, str):
+        # Waves over a length are per metre, not per turn of 2π.
+        text = re.sub(r'([\d.]+) times a turn', lambda match: (
+            f'{float(match[1]) / (2.0 * math.pi):.4g} times a metre'), content)
+        text = text.replace('kg·m²', 'kg').replace('N·m', 'N')
+        return re.sub(r'\brad\b', 'm', text)  # type: ignore[return-value]
+    if isinstance(content, dict):
+        return {key: in_own_units(value, True)      # type: ignore[return-value]
+                for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [in_own_units(value, True) for value in content]     # type: ignore[return-value]
+    return content

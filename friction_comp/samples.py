@@ -5,20 +5,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import one_of
-from friction_comp.column_values import to_numbers
-from friction_comp.columns import assign
-from friction_comp.controller_effort import load_behind_gear
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.layout import Layout
 from friction_comp.statistics import median, smallest_step
 
 _OPTIONAL = (
@@ -269,63 +265,6 @@ class Samples:
         chosen: dict[str, Any] = {name: values[rows] for name, values in arrays.items()}
         return Samples(joint=joint, **chosen)
 
-    @staticmethod
-    def from_frame(frame: Any, layout: Layout | None = None, torque_constant: float = 1.0,
-                   gear_ratio: float = 1.0, joint: str | None = None,
-                   notes: list[str] | None = None) -> Samples:
-        """Create samples from a pandas or polars data frame, or a dictionary of arrays.
-
-        Parameters
-        ----------
-        frame : DataFrame or dict of str to array_like
-        layout : Layout, optional
-            Columns and units of signals; others are guessed from the names of the columns.
-        torque_constant, gear_ratio : float
-            k_t in N·m/A and n, for a frame with an effort in N·m.
-        joint : str, optional
-            Required if the frame has several joints.
-        notes : list of str, optional
-            Notes on what was guessed are appended.
-
-        Examples
-        --------
-        >>> samples = Samples.from_frame({'t': [0, 1, 2], 'q [deg]': [0, 90, 180],
-        ...                               'i': [0.1, 0.2, 0.1]})
-        >>> samples.position.round(3).tolist()
-        [0.0, 1.571, 3.142]
-        """
-        names = [str(name) for name in (frame.columns if hasattr(frame, 'columns') else frame)]
-        use = assign(names, layout, 'data frame')
-        chosen = '' if use.joints == [''] else one_of(use.joints, joint, 'data frame')
-        gains = layout.gains(names, 'data frame') if layout else ()
-        wanted = {*(column.name for column in use.columns), *(
-            gain for gain in gains if isinstance(gain, str))}
-        values = {name: to_numbers(np.asarray(frame[name]), name, 'data frame') for name in wanted}
-        signals: dict[str, Any] = {
-            signal: own for signal in (
-                'time', 'position', 'effort', 'link_torque', 'velocity', *_OPTIONAL)
-            if (own := use.signal_in(values, signal, chosen)) is not None}
-        command = use.of('command', chosen)
-        if command is not None and command.dimension != 'current':
-            signals['command'] /= torque_constant * gear_ratio
-        if layout and layout.rate:
-            signals['time'] = np.arange(len(signals['position'])) / layout.rate
-        if gains:
-            # `assign` has found the target.
-            signals['effort'] = use.controller_effort(values, signals['time'], chosen, gains)
-        column = use.of('effort', chosen)
-        load = load_behind_gear(
-            signals['effort'], signals.pop('link_torque', None),
-            column is None or column.dimension in ('torque', 'force'), use.notes)
-        if load is not None:
-            signals.setdefault('load', load)
-        if notes is not None:
-            notes.extend(use.notes)
-        if use.effort_is_current:
-            signals['current'] = signals.pop('effort')
-        return Samples.from_arrays(torque_constant=torque_constant, gear_ratio=gear_ratio,
-                                   joint=joint or chosen, **signals)
-
     @cached_property
     def sample_time(self) -> float:
         """Median time step within recordings in s."""
@@ -376,3 +315,27 @@ class Samples:
             numbers.append(part.recording + offset)
             offset = int(numbers[-1].max(initial=offset - 1)) + 1
         return Samples(recording=np.concatenate(numbers), joint=parts[0].joint, **signals)
+
+
+@dataclass
+class RecordingInfo:
+    """Information on one recording beyond its samples."""
+
+    path: Path
+    joint: str = ''  # the joint that was read
+    # Topic name to (message type, number of messages); empty for a table.
+    topics: dict[str, tuple[str, int]] = field(default_factory=dict)
+    start: float = 0.0  # stamp of the samples' time zero, s
+    # (M,): times of all joint states in s since `start`, in the order received.
+    stamps: np.ndarray | None = None
+    rows: np.ndarray | None = None  # (N,): indices of the joint states used as samples
+    notes: list[str] = field(default_factory=list)  # for readers of the results
+    model: str | None = None  # active model file, if recorded
+    # What the compensator reported (`recordings.Activity`), each with the time in s since `start`
+    # from which it is valid.
+    activity: list[tuple[float, Any]] = field(default_factory=list)
+    turns: float = 0.0  # added to the last position because the sensor wraps around, rad
+    effort_is_current: bool = False  # whether efforts were in A already, as a table may declare
+    effort_unit: str = ''  # of efforts that are neither torques nor currents
+    assumed: tuple[str, ...] = ()  # columns without a unit, with the one that is taken for it
+    linear: bool = False  # whether positions are in m and efforts in N

@@ -14,10 +14,10 @@ from friction_comp.__main__ import run
 from friction_comp.evaluation.conditions import evaluate, evaluate_recordings
 from friction_comp.evaluation.repetitions import Compensation, find_movements
 from friction_comp.model.model_file import write_arm
-from friction_comp.recordings import RecordingInfo, write_samples
+from friction_comp.recordings import write_samples
 from friction_comp.recordings.activity import Activity
 from friction_comp.reports.evaluation_page import remarks, verdict
-from friction_comp.samples import Samples
+from friction_comp.samples import RecordingInfo, Samples
 
 REST, RAMP, CRUISE, SPEED = 2.0, 0.5, 1.5, 0.4
 MOVE = 2 * RAMP + CRUISE

@@ -11,13 +11,13 @@ from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording, Samples
 from friction_comp.__main__ import main
-from friction_comp.columns import assign
 from friction_comp.drive import Drive
 from friction_comp.facts.motion import not_in_radians as angle_fault
 from friction_comp.identification.curves import fit_steady_states
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import read_recording_with_info
-from friction_comp.recordings.told_units import unit_of_weight
+from friction_comp.tables.columns import assign
+from friction_comp.tables.table_recording import read_frame
 
 
 def sliding(speed, coulomb=0.57, viscous=0.52, offset=0.0, height=0.0, speed_s=0.1):
@@ -72,17 +72,6 @@ def test_refine_reads_a_table_of_steady_states(tmp_path, capsys):
     assert 'in one direction only' in capsys.readouterr().out
     write(path, velocity=SPEEDS[:3], torque=sliding(SPEEDS[:3]))
     assert main(['refine', str(path), '--output', str(output)]) == 2
-
-
-def test_a_table_of_several_joints_needs_the_name_of_one(tmp_path, refuses):
-    speeds = np.concatenate((-SPEEDS, SPEEDS))
-    path = write(tmp_path / 'table.csv', target_velocity_1=speeds, torque_1=sliding(speeds),
-                 target_velocity_2=speeds, torque_2=2.0 * sliding(speeds))
-    refuses("several joints, name one with --joint or --columns: '1', '2'", 'refine', path)
-    assert main(['refine', str(path), '--joint', '2', '--output', str(tmp_path / 'out')]) == 0
-    model = FrictionModel.load(tmp_path / 'out' / 'model.yaml')
-    assert model.joint == '2'
-    assert model.sigmoid.upper == pytest.approx(2.0 * 0.57, abs=1e-6)
 
 
 def servo(stiffness, damping, rate_of_target, count=6000):
@@ -160,29 +149,17 @@ def test_a_data_frame_means_the_same_as_a_file():
     time, position, velocity = swing()
     friction, carried = 2.0 * np.sign(velocity), 9.0 * np.sin(position)
     notes = []
-    samples = Samples.from_frame({'t': time, 'q': position, 'dq': velocity,
+    samples = read_frame({'t': time, 'q': position, 'dq': velocity,
                                   'tau': friction + carried, 'link_torque': -carried,
                                   'tau_cmd': friction}, torque_constant=0.1, gear_ratio=10.0,
                                  notes=notes)
     np.testing.assert_allclose(samples.current + samples.load, friction, atol=1e-9)
     np.testing.assert_allclose(samples.command, friction)
     assert any('is reversed' in note for note in notes)
-    samples = Samples.from_frame({'target': position + 0.1, 'q': position},
+    samples = read_frame({'target': position + 0.1, 'q': position},
                                  Layout(rate=1000.0, stiffness=[20.0]))
     np.testing.assert_allclose(samples.time, time)
     np.testing.assert_allclose(samples.current, 2.0)
-
-
-def test_evaluate_says_why_a_recorded_torque_is_not_used(tmp_path, capsys):
-    time = 0.01 * np.arange(1200)
-    position = 0.5 * np.clip(np.sin(0.5 * np.pi * time), -0.9, 0.9)
-    load = np.where(time < 4.0, 2.0, np.nan)
-    path = write(tmp_path / 'log.csv', time=time, position=position, effort=0.1 * position,
-                 load=load)
-    assert main(['evaluate', str(path), '--output', str(tmp_path / 'out')]) == 0
-    said = capsys.readouterr().out
-    assert 'interaction_wrench: its 400 values cover less than half' in said
-    assert 'was not measured' not in said
 
 
 TURN = 2.0 * math.pi
@@ -262,16 +239,6 @@ def test_a_position_that_is_not_in_rad_is_asked_unless_its_unit_is_given(tmp_pat
     np.testing.assert_allclose(samples.position, grid(TURN), atol=1e-9)
 
 
-@pytest.mark.parametrize('unit', [1.0, 1e3, 1e6, 1e9])
-def test_times_that_are_dates_tell_their_unit(tmp_path, unit):
-    time, position, velocity = swing(300, 0.004)
-    path = write(tmp_path / 'log.csv', t=np.round((1.7e9 + time) * unit, 6), q=position,
-                 tau=velocity)
-    (samples, info), = read_recording_with_info(path)
-    assert info.assumed == ('q in rad', 'tau in N·m')
-    np.testing.assert_allclose(samples.time - samples.time[0], time, atol=1e-5)
-
-
 @pytest.mark.parametrize('order', [[*range(299, -1, -1)], [113 * k % 300 for k in range(300)]])
 def test_rows_in_no_order_of_time_are_sorted(tmp_path, order):
     """No clock is set back that often: most rows were left out as far off."""
@@ -284,25 +251,6 @@ def test_rows_in_no_order_of_time_are_sorted(tmp_path, order):
     for read, true in ((samples.time, time), (samples.position, position),
                        (samples.current, velocity), (samples.load, position)):
         np.testing.assert_allclose(read, true, atol=1e-9)
-
-
-def test_durations_are_times_and_coarse_dates_are_refused(tmp_path, refuses):
-    pandas = pytest.importorskip('pandas')
-    time, position, velocity = swing(300, 0.004)
-    frame = pandas.DataFrame({'time': pandas.to_timedelta(time, unit='s'), 'q': position,
-                              'tau': velocity})
-    frame.to_parquet(tmp_path / 'log.parquet')
-    frame.to_csv(tmp_path / 'log.csv', index=False)
-    for name in ('log.parquet', 'log.csv'):
-        samples, = read_recording(tmp_path / name)
-        np.testing.assert_allclose(samples.time, time, atol=1e-9)
-    frame['time'] = (1.7e9 + time).astype('float32')
-    frame.to_parquet(tmp_path / 'coarse.parquet')
-    refuses('300 rows have 1 different time', 'refine', tmp_path / 'coarse.parquet')
-    frame.assign(time=time, direction=velocity > 0).to_parquet(tmp_path / 'signs.parquet')
-    refuses("'direction' holds true and false", 'refine', tmp_path / 'signs.parquet')
-    frame.assign(time=time, direction=velocity > 0).to_csv(tmp_path / 'signs.csv', index=False)
-    refuses("'True' is not a number: give it numbers", 'refine', tmp_path / 'signs.csv')
 
 
 @pytest.mark.parametrize(('per_second', 'unit'), [(1e3, 'ms'), (1e6, 'µs'), (1e9, 'ns')])
@@ -330,31 +278,6 @@ def test_times_too_close_for_the_unit_in_their_name_are_asked(tmp_path, refuses)
     assert samples.sample_time == pytest.approx(0.004)
 
 
-@pytest.mark.parametrize(('turn', 'unit'), [(1.0, 'turn'), (360.0, 'deg'), (TURN, '')])
-@pytest.mark.parametrize('weight', [2.0, 0.0])
-def test_a_weight_tells_in_which_unit_a_turn_is_one(turn, unit, weight):
-    time = 0.005 * np.arange(6000)
-    angle = 3.5 * np.sin(time) + 0.4 * np.sin(2.7 * time)
-    velocity = 3.5 * np.cos(time) + 1.08 * np.cos(2.7 * time)
-    # Ripple and a spring are no weight.
-    holds = weight * np.sin(angle) if weight else 0.5 * angle
-    effort = (np.sign(velocity) + 0.5 * velocity + holds + 0.2 * np.sin(14.0 * angle)
-              + 0.05 * np.random.default_rng(1).normal(size=6000))
-    assert unit_of_weight(time, angle * turn / TURN, effort) == (unit if weight else '')
-
-
-def test_units_taken_for_granted_stand_beside_the_numbers(tmp_path, capsys):
-    time, position, velocity = swing(6000, 0.004)
-    noise = 0.05 * np.random.default_rng(2).normal(size=len(time))
-    path = write(tmp_path / 'log.csv', **{
-        't [s]': time, 'angle': 57.3 * position, 'tau': np.sign(velocity) + noise})
-    assert main(['refine', str(path), '--output', str(tmp_path / 'out')]) == 0
-    said = ('angle in rad, tau in N·m (position covers 45.8 rad, 7.3 turns, or 0.8 rad '
-            'if these are degrees, 288 if turns; rows are 4 ms apart); --unit gives others')
-    assert 'angle in rad, tau in N·m' in capsys.readouterr().out
-    assert said in (tmp_path / 'out' / 'report.html').read_text()
-
-
 def test_steady_states_of_another_form_are_not_simply_trusted():
     speeds, alarms = np.concatenate((-SPEEDS, SPEEDS)), 0
     for seed in range(15):
@@ -364,23 +287,6 @@ def test_steady_states_of_another_form_are_not_simply_trusted():
         thinning = 0.57 * np.sign(speeds) + 0.3 * np.arcsinh(speeds / 0.1)
         assert fit_steady_states(speeds, thinning + noise, Drive(1.0, 1.0)).is_curved
     assert alarms <= 2
-
-
-def test_that_values_of_a_motor_are_behind_its_gear_is_said(tmp_path):
-    time, position, velocity = swing()
-    torque = np.sign(velocity)
-    path = write(tmp_path / 'log.csv', time_s=time, motor_position_rad=position, torque_Nm=torque)
-    (_, info), = read_recording_with_info(path)
-    assert info.assumed == ('motor_position_rad behind the gear, of the joint',)
-    write(path, time_s=time, position_rad=position, torque_Nm=torque)
-    (_, info), = read_recording_with_info(path)
-    assert info.assumed == ()
-    # An effort of the wrong sign is told with the remedy, which the same table then needs.
-    write(path, time_s=time, position_rad=position, torque_Nm=-torque)
-    with pytest.raises(InputError, match=r'--unit effort=-1Nm'):
-        read_recording(path)
-    samples, = read_recording(path, layout=Layout({}, {'effort': '-1Nm'}))
-    np.testing.assert_allclose(samples.current, torque)
 
 
 LIFT = ['timestamp', 'lift.pos', 'lift.vel', 'lift.motor.effort_ticks', 'lift.motor.current',
@@ -400,15 +306,6 @@ def test_a_unit_does_not_change_which_column_is_used(columns, units, used):
     assert (effort.name, effort.factor, effort.dimension) == used
 
 
-@pytest.mark.parametrize(('name', 'unit'), [
-    ('/Drive/LeftAppliedVolts', 'V'), ('duty_cycle', '%'), ('pwm', 'PWM'), ('u_percent', 'percent'),
-    ('torque_cell', ''), ('Force', '')])
-def test_only_a_name_that_means_torque_is_in_newton_metres(name, unit):
-    effort = next(c for c in assign(['t', 'q', name], Layout({'effort': name}), 'log').columns
-                  if c.signal == 'effort')
-    assert (effort.unit, effort.dimension) == (unit, '' if unit else 'torque')
-
-
 @pytest.mark.parametrize('name', ['x', '3', 'output', 'field.data'])
 def test_the_unit_of_an_effort_whose_name_tells_none_is_asked(name):
     names = ['t', 'q', name]
@@ -422,6 +319,6 @@ def test_the_unit_of_an_effort_whose_name_tells_none_is_asked(name):
 def test_a_missing_gear_ratio_is_hinted_at(ratio, told):
     time, position, velocity = swing()
     carried, notes = 40.0 * np.sin(position), []
-    Samples.from_frame({'t': time, 'q': position, 'dq': velocity, 'link_torque': -carried,
+    read_frame({'t': time, 'q': position, 'dq': velocity, 'link_torque': -carried,
                         'tau': (carried + 1.2 * np.sign(velocity)) / ratio}, notes=notes)
     assert any('before a gear' in note for note in notes) == told

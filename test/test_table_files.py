@@ -4,7 +4,6 @@
 
 import json
 import math
-import re
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from table_maker import swing, write
 from friction_comp import InputError, Layout, read_recording
 from friction_comp.__main__ import main
 from friction_comp.recordings import read_recording_with_info
-from friction_comp.recordings.sources import find_recordings
 
 
 def save_json(path, columns):
@@ -56,47 +54,6 @@ def save_parquet(path, columns):
         'observation.effort': [[e, 0.0] for e in columns['tau']]}), path)
 
 
-@pytest.mark.parametrize(('name', 'save', 'layout', 'joint'), [
-    ('log.json', save_json, {}, None), ('log.json', save_lists, {}, None),
-    ('log.json', save_vectors, {}, '2'), ('log.jsonl', save_lines, {}, None),
-    ('log.parquet', save_parquet, {}, '0'), ('log.npz', save_axes, {}, '2'),
-    ('log.mat', save_structs, {}, None),
-    ('log.mat', lambda path, columns: savemat(path, {'log': {
-        name: values[:, None] for name, values in columns.items()}}), {}, None),
-    ('log.npy', lambda path, columns: np.save(path, np.column_stack(list(columns.values()))),
-     {'time': '1', 'position': '2', 'current': '3'}, None),
-    ('log.npy', lambda path, columns: np.save(path, np.rec.fromarrays(
-        list(columns.values()), names=list(columns))), {}, None),
-    ('log.txt', lambda path, columns: np.savetxt(
-        path, np.column_stack(list(columns.values())), header=' '.join(columns), comments='% '),
-     {}, None)])
-def test_every_kind_of_file_holds_the_same(tmp_path, name, save, layout, joint):
-    time, position, velocity = swing(300)
-    effort = np.sign(velocity)
-    save(tmp_path / name, {'t': time, 'q': position, 'tau': effort})
-    samples, = read_recording(tmp_path / name, joint, layout=Layout(layout))
-    np.testing.assert_allclose(samples.time, time, atol=1e-9)
-    np.testing.assert_allclose(samples.position, position, atol=1e-9)
-    np.testing.assert_allclose(samples.current, effort)
-
-
-def test_files_of_one_signal_each_are_one_recording(tmp_path):
-    time, position, velocity = swing(300)
-    values = {'time': time, 'q': np.column_stack((position, 2.0 * position)),
-              'tau': np.column_stack((np.sign(velocity), np.cos(velocity)))}
-    paths = [tmp_path / f'{name}.txt' for name in values]
-    for path, columns in zip(paths, values.values()):
-        np.savetxt(path, columns)
-    assert len(find_recordings(paths)) == 1
-    samples, = read_recording(paths, '2')
-    np.testing.assert_allclose(samples.position, 2.0 * position)
-    np.testing.assert_allclose(samples.current, np.cos(velocity))
-    # Whole recordings that are named alike stay apart.
-    whole = [write(tmp_path / f'position_{k}.csv', t=time, q=position, tau=velocity)
-             for k in (1, 2)]
-    assert find_recordings(whole) == whole
-
-
 def lines(path, names, rows):
     """Write rows of texts below names; return the path."""
     path.write_text('\n'.join(','.join(row) for row in (names, *rows)) + '\n')
@@ -126,32 +83,6 @@ def test_rows_of_one_joint_each_stay_as_they_were_measured(tmp_path):
     for joint in (1, 2):
         samples, = read_recording(path, str(joint))
         np.testing.assert_allclose(samples.current, velocity[joint - 1::2])
-
-
-@pytest.mark.parametrize('late', [0.0, 0.003])
-def test_files_of_one_signal_with_a_time_each_are_one_recording(tmp_path, late):
-    time, position, velocity = swing(300, 0.01)
-    paths = [write(tmp_path / f'run_{name}.csv', t=own, **{
-        f'- arm_1_{name}': values, f'- arm_2_{name}': 2.0 * values}) for name, own, values in (
-            ('position', time, position), ('effort', time + late, velocity))]
-    samples, = read_recording(paths, 'arm_2')
-    shared = time[:-1] + late if late else time
-    np.testing.assert_allclose(samples.current, 2.0 * velocity[:len(shared)])
-    np.testing.assert_allclose(samples.position, 0.8 * np.sin(2.0 * shared), atol=1e-4)
-
-
-def test_a_tool_for_one_recording_takes_its_files(tmp_path, refuses):
-    from friction_comp.__main__ import main
-
-    time, position, velocity = swing(300, 0.01)
-    paths = [str(write(tmp_path / f'{name}.csv', t=time, **{name: values}))
-             for name, values in (('q', position), ('tau', velocity))]
-    assert main(['convert', *paths, '--output', str(tmp_path / 'log.npz')]) == 0
-    with np.load(tmp_path / 'log.npz') as file:
-        np.testing.assert_allclose(file['effort'], velocity)
-    other = write(tmp_path / 'other.csv', t=time, q=position, tau=velocity)
-    refuses('a recording too many: give one, or the tables with a signal each', 'convert',
-            paths[0], other)
 
 
 def test_a_bag_of_ros_1_is_read(tmp_path):
@@ -194,35 +125,11 @@ def test_names_in_a_comment_and_units_below_the_names_are_read(tmp_path, name, h
     assert samples.velocity == pytest.approx(np.cos(time), abs=1e-6)
 
 
-@pytest.mark.parametrize('sizes', [(300, 200, 400), (300, 300)])
-def test_records_of_json_that_hold_lists_are_trials(tmp_path, sizes):
-    trials = [{'kind': 'sine', 'targets': ['kp'] * 3, 'pos': np.sin(0.02 * np.arange(n)).tolist(),
-               'tau': np.cos(0.02 * np.arange(n)).tolist()} for n in sizes]
-    (tmp_path / 'log.json').write_text(json.dumps({'robot': 'one', 'data': trials}))
-    (samples, info), = read_recording_with_info(tmp_path / 'log.json', layout=Layout(rate=50.0))
-    assert samples.position == pytest.approx(np.concatenate([one['pos'] for one in trials]))
-    assert "column 'episode' says which episode each row is of" in info.notes
-    assert np.count_nonzero(np.diff(samples.time) > 0.5) == len(sizes) - 1
-
-
 def bench(path, sign=1.0, **others):
     """Write means of a gear on a test bench, whose motor turns nine times as fast as its output."""
     speed = np.concatenate((-np.linspace(0.2, 3.0, 6), np.linspace(0.2, 3.0, 6)))
     return write(path, motor_speed=9.0 * speed, motor_torque=sign * (
         0.3 * np.sign(speed) + 0.01 * speed), **others)
-
-
-def test_of_two_speeds_nobody_guesses_whose_torque_it_is(tmp_path, refuses, capsys):
-    path = bench(tmp_path / 'means.csv', output_speed=np.linspace(-3.0, 3.0, 12),
-                 output_torque=np.zeros(12))
-    refuses('which speed is that of motor_torque', 'refine', path)
-    assert main(['refine', str(path), '--columns', 'velocity=motor_speed,effort=motor_torque',
-                 '--output', str(tmp_path / 'out')]) == 0
-    said = capsys.readouterr().out
-    assert re.search(r'viscous +0\.001111', said)
-    # The torque of the other side is part of what the motor gives.
-    assert 'output_torque: not taken into account' in said
-    assert 'TRUST IN PART: ' in said
 
 
 @pytest.mark.parametrize(('sign', 'verdict'), [(1.0, 'TRUST: '), (-1.0, 'RECORD AGAIN: ')])
@@ -243,16 +150,6 @@ def rows_with(*cells):
             for t in TIME]
 
 
-def test_columns_that_share_a_name_are_left_out(tmp_path, refuses):
-    log = tmp_path / 'log.csv'
-    log.write_text('\n'.join(['time,position,current,target,target', *rows_with('1', '2')]))
-    (samples, info), = read_recording_with_info(log)
-    np.testing.assert_allclose(samples.position, np.sin(TIME), atol=1e-6)
-    assert any("several columns have this name: 'target'" in note for note in info.notes)
-    log.write_text('\n'.join(['time,position,current,position,x', *rows_with('1', '2')]))
-    refuses("two columns called 'position'", 'evaluate', log)
-
-
 @pytest.mark.parametrize('cells', [
     ('"one\ntwo, three"', '7'), ('"a ""word"""', '7'), ('5"', '7')])
 def test_a_quoted_cell_may_have_lines_and_a_quote_alone_is_a_character(tmp_path, cells):
@@ -260,25 +157,6 @@ def test_a_quoted_cell_may_have_lines_and_a_quote_alone_is_a_character(tmp_path,
     log.write_text('\n'.join(['time,position,current,note,x', *rows_with(*cells)]))
     (samples, _), = read_recording_with_info(log)
     np.testing.assert_allclose(samples.time, TIME, atol=1e-9)
-
-
-@pytest.mark.parametrize('parts', [
-    {'header.stamp.sec': (1000, 10**9), 'header.stamp.nanosec': (1e-6, 1000)},
-    {'hour': (3600000, 24), 'minute': (60000, 60), 'second': (1000, 60), 'msec': (1, 1000)},
-    {'Hours': (3600000, 24), 'Minutes': (60000, 60), 'Seconds': (1000, 60),
-     'Milliseconds': (1, 1000)},
-    {'t_sec': (1000, 10**9), 't_us': (1e-3, 1000)}])
-def test_the_reading_of_a_clock_in_several_columns_is_one_time(tmp_path, parts):
-    """Columns are given by their unit in ms, and how many of these there are."""
-    time, position, velocity = swing(3000, 0.001)
-    # Over the end of an hour.
-    clock = np.round(1000.0 * (14.0 * 3600.0 + 3598.5 + time)).astype(int)
-    path = write(tmp_path / 'log.csv', q=position, tau=velocity, **{
-        name: clock // size % count if size >= 1 else np.round(clock % count / size)
-        for name, (size, count) in parts.items()})
-    (samples, info), = read_recording_with_info(path)
-    np.testing.assert_allclose(np.diff(samples.time), 0.001, atol=1e-6)
-    assert any(all(name in note for name in parts) for note in info.notes)
 
 
 @pytest.mark.parametrize('count', [5, 70])
@@ -289,20 +167,6 @@ def test_other_whole_numbers_beside_seconds_are_no_part_of_a_clock(tmp_path, cou
                  sec=time, q=position, tau=velocity)
     samples, = read_recording(path)
     np.testing.assert_allclose(np.diff(samples.time), 0.001, atol=1e-9)
-
-
-def test_a_line_of_units_may_have_one_that_is_not_known(tmp_path, refuses):
-    time, position, velocity = swing(500)
-    rows = '\n'.join(f'{t:.9g},{57.29578 * q:.9g},{v:.9g},{v:.9g}'
-                     for t, q, v in zip(time, position, velocity))
-    path = tmp_path / 'log.csv'
-    path.write_text(f't,q,v,tau\ns,Grad,rad s-1,N.mm\n{rows}\n')
-    samples, = read_recording(path)
-    assert np.ptp(samples.position) == pytest.approx(np.ptp(position), rel=1e-6)
-    assert np.ptp(samples.current) == pytest.approx(1e-3 * np.ptp(velocity), rel=1e-6)
-    path.write_text(f't,q,v,tau\ns,deg,flops,N.mm\n{rows}\n')
-    with pytest.raises(InputError, match="'flops.' does not tell what a velocity of 1 is"):
-        read_recording(path, layout=Layout(columns={'velocity': 'v'}))
 
 
 def test_the_current_of_a_table_that_also_has_torques_is_named_for_all_joints(tmp_path):
@@ -317,26 +181,6 @@ def test_the_current_of_a_table_that_also_has_torques_is_named_for_all_joints(tm
             assert np.ptp(samples.current) == pytest.approx(size * np.ptp(velocity))
 
 
-def test_a_current_beside_the_torque_that_is_used_is_mentioned(tmp_path):
-    time, position, velocity = swing(500)
-    path = write(tmp_path / 'log.csv', time=time, q_1=position, q_2=position, tau_1=velocity,
-                 tau_2=velocity, current_1=velocity, current_2=velocity)
-    _, info = read_recording_with_info(path, joint='2')[0]
-    assert any('current_1 and 1 alike: not used beside a torque' in note for note in info.notes)
-    _, info = read_recording_with_info(path, layout=Layout(columns={
-        'position': 'q_1', 'current': 'current_1', 'link_torque': 'tau_1'}))[0]
-    assert not any('not used' in note for note in info.notes)
-
-
-def test_other_columns_of_one_array_are_mentioned(tmp_path):
-    _, position, velocity = swing(500)
-    savemat(tmp_path / 'log.mat', {'log1': np.column_stack(
-        (position, velocity, velocity, position, velocity, velocity))})
-    _, info = read_recording_with_info(tmp_path / 'log.mat', layout=Layout(
-        columns={'position': 'log1_1', 'current': 'log1_3'}, rate=1000.0))[0]
-    assert any('4 other columns have no names' in note for note in info.notes)
-
-
 def test_objects_within_a_struct_of_matlab_are_no_columns(tmp_path, monkeypatch):
     time, position, velocity = swing(500)
     symbol = MatlabOpaque(np.array([(b'q', b'MCOS', b'sym', 3)], dtype=[
@@ -346,16 +190,6 @@ def test_objects_within_a_struct_of_matlab_are_no_columns(tmp_path, monkeypatch)
     (tmp_path / 'log.mat').write_bytes(b'')
     samples, = read_recording(tmp_path / 'log.mat')
     assert len(samples) == 500
-
-
-def test_a_row_without_the_part_of_a_clock_does_not_take_it_from_the_others(tmp_path):
-    time, position, velocity = swing(3000, 0.001)
-    part = np.round(1e9 * (time % 1.0))
-    part[7] = np.nan
-    path = write(tmp_path / 'log.csv', sec=np.floor(time), nanosec=part, q=position, tau=velocity)
-    samples, = read_recording(path)
-    assert len(samples) == 2999
-    assert np.sum(np.diff(samples.time) > 0.0015) == 1
 
 
 def test_hours_without_minutes_are_no_part_of_a_clock(tmp_path):

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables as spreadsheets, laboratory programs and MATLAB write them."""
 
-from datetime import datetime, timedelta
 import json
 import math
 import re
@@ -13,16 +12,12 @@ from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
 from friction_comp.__main__ import main
-from friction_comp.column_names import read_name
-from friction_comp.column_values import date_in_seconds
-from friction_comp.columns import assign
 from friction_comp.facts.motion import velocity_agreement
 from friction_comp.recordings import read_recording_with_info
-from friction_comp.recordings.row_times import fresh_rows, fresh_velocity
-from friction_comp.recordings.sources import find_recordings, recorded_joints
 from friction_comp.refinement.judge import other_turn
 from friction_comp.refinement.result import FoundEffect
-from friction_comp.samples import Samples
+from friction_comp.tables.columns import assign
+from friction_comp.tables.table_recording import read_frame
 
 TURN = 2.0 * math.pi
 
@@ -40,13 +35,6 @@ def read_lines(folder, *lines, encoding='utf-8'):
     return read_recording(folder / 'log.csv')[0]
 
 
-@pytest.mark.parametrize('encoding', ['utf-8', 'utf-8-sig', 'utf-16', 'cp1252'])
-def test_the_mark_of_a_unit_is_read_in_any_encoding(tmp_path, encoding):
-    samples = read_lines(tmp_path, 'Zeit (s);Winkel (°);Drehmoment (N·m)', *rows(180.0 / math.pi),
-                         encoding=encoding)
-    assert samples.position == pytest.approx(swing()[1], abs=1e-6)
-
-
 @pytest.mark.parametrize('above', [
     ['Logger v3', 'Date: 2026-03-04', ''], ['sep=;'], ['Knee'], ['Export;of'], ['', ''],
     ['Patient;7;left'], ['# a comment', 'Motion of a joint, measured;twice']])
@@ -58,33 +46,6 @@ def test_lines_above_the_header_are_no_header(tmp_path, above):
 
 def test_a_header_with_other_cells_than_the_rows_stays_one(tmp_path):
     assert len(read_lines(tmp_path, 'Time;Position;Torque;;', *rows())) == 2000
-
-
-@pytest.mark.parametrize(('head', 'form'), [
-    ('Datum;Uhrzeit;Winkel;Drehmoment', '%d.%m.%Y;%H:%M:%S,%f'),
-    ('Uhrzeit;Winkel;Drehmoment', '%H:%M:%S,%f'),
-    ('Datum/Uhrzeit;Winkel;Drehmoment', '%d.%m.%Y %H:%M:%S.%f')])
-def test_days_and_times_of_the_day_are_times(tmp_path, head, form):
-    begin = datetime(2026, 3, 4, 9, 59, 59)
-    samples = read_lines(tmp_path, head, *(
-        f'{(begin + timedelta(milliseconds=k)).strftime(form)};{row.partition(";")[2]}'
-        for k, row in enumerate(rows())))
-    assert np.diff(samples.time) == pytest.approx(1e-3, abs=1e-6)
-
-
-def test_a_day_with_points_is_a_date_and_one_with_strokes_is_asked(tmp_path):
-    assert date_in_seconds('4.3.2026 09:59:50.5') == date_in_seconds('2026-03-04T09:59:50.5')
-    with pytest.raises(InputError, match="'03/04/2026' is not a number, nor a date such as"):
-        read_lines(tmp_path, 'Date;q;tau', *('03/04/2026;0;1' for _ in range(9)))
-
-
-@pytest.mark.parametrize(('name', 'unit'), [
-    ('Winkel (Â°)', 'Â°'), ('angle [\ufffd]', '\ufffd'), ('q [°/x]', '°/x')])
-def test_a_mark_in_brackets_is_a_unit_that_is_asked(name, unit):
-    assert read_name(name).unit == unit
-    with pytest.raises(InputError, match='does not tell what a position of 1 is'):
-        assign(['t', name, 'tau'], None, 'log')
-    assert read_name('q [left-arm]').unit == ''
 
 
 def test_all_that_is_missing_is_asked_at_once():
@@ -126,118 +87,12 @@ def lerobot(folder, names):
     return path
 
 
-@pytest.mark.parametrize('names', [
-    ['shoulder_pan.pos', 'elbow.pos'], {'motors': ['main_shoulder', 'main_elbow']},
-    [['shoulder', 'elbow']], ['left_waist', 'left_elbow']])
-def test_the_items_of_a_dataset_have_its_names(tmp_path, names):
-    path = lerobot(tmp_path, names)
-    joints = recorded_joints(path)
-    assert ['shoulder' in joints[0] or 'waist' in joints[0], 'elbow' in joints[1]] == [True, True]
-    samples, = read_recording(path, joint=joints[1])
-    assert samples.position == pytest.approx(swing()[1])
-    assert np.abs(samples.current) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize('names', [None, ['elbow'], ['elbow', 'elbow'], ['elbow', 3], 'elbow'])
-def test_without_names_for_all_items_they_are_numbered(tmp_path, names):
-    assert recorded_joints(lerobot(tmp_path, names)) == ['0', '1']
-
-
-def test_a_velocity_of_rows_that_hold_their_position_is_that_of_the_motion(tmp_path):
-    time = 0.002 * np.arange(9000)
-    position = np.sin(0.006 * (np.arange(9000) // 3))
-    notes = []
-    order, measured = np.arange(9000), np.cos(time)
-    fresh = fresh_rows(time, position, notes)
-    velocity, kept = fresh_velocity(np.diff(position, prepend=0.0) / 0.002, order, fresh, notes)
-    assert velocity[fresh][1:] == pytest.approx(np.cos(time[fresh])[1:], abs=0.01)
-    assert 'computed from row to row' in notes[1]
-    assert not kept
-    assert fresh_velocity(measured, order, fresh, notes) == (pytest.approx(measured), True)
-    # The rate that the message names is the true one; a recording with it is read.
-    path = write(tmp_path / 'log.csv', q=position, dq=np.diff(position, prepend=0.0) / 0.002,
-                 tau=measured)
-    with pytest.raises(InputError, match='a rate that is really 5 times the one given'):
-        read_recording(path, layout=Layout(rate=100.0))
-    samples, = read_recording(path, layout=Layout(rate=500.0))
-    assert samples.velocity is None
-
-
-def test_vectors_written_a_number_a_line_beside_their_times_are_one_table(tmp_path):
-    time = 0.01 * np.arange(300)
-    position = np.column_stack([np.sin(time), np.cos(time)])
-    for name, values in (('time', time), ('positions', position), ('torques', 3.0 * position)):
-        np.savetxt(tmp_path / f'run_1_{name}.txt', values.ravel())
-    path, = find_recordings(sorted(tmp_path.glob('*.txt')))
-    samples, = read_recording(path, joint=recorded_joints(path)[1])
-    assert samples.position == pytest.approx(position[:, 1])
-    assert samples.current == pytest.approx(3.0 * position[:, 1])
-    np.testing.assert_allclose(samples.time, time)
-
-
-def test_a_table_on_its_side_is_not_listed_column_by_column():
-    with pytest.raises(InputError, match="'200' and 800 more: .*transpose the table") as refused:
-        assign([str(k + 1) for k in range(1000)], None, 'log')
-    assert len(str(refused.value)) < 2000
-
-
-def test_other_joints_in_columns_without_names_are_asked_for():
-    layout = Layout({'position': '1', 'effort': '5'}, {'effort': 'Nm'}, rate=100.0)
-    note, = assign([str(k + 1) for k in range(8)], layout, 'log').notes
-    assert '6 other columns have no names' in note
-    assert 'q_1,q_2,tau_1,tau_2' in note
-    assert not assign(['1', '5', '9'], layout, 'log').notes
-
-
-@pytest.mark.parametrize('names', [
-    ('pos_estimate', 'vel_estimate', 'Iq_measured'),
-    ('odrv0.axis1.encoder.pos_estimate', 'odrv0.axis1.encoder.vel_estimate',
-     'odrv0.axis1.motor.current_control.Iq_measured'),
-    ('ODrive 2 Position', 'ODrive 2 Velocity', 'ODrive 2 Current')])
-def test_the_names_of_a_drive_that_reports_turns_are_asked_for_their_unit(tmp_path, names):
-    time, position, velocity = swing(6000)
-    path = write(tmp_path / 'log.csv', time=time, **dict(zip(names, (
-        position / TURN, velocity / TURN, np.sign(velocity)))))
-    with pytest.raises(InputError, match='--unit position=turn,velocity=turn/s, or position=rad'):
-        read_recording(path)
-    samples, = read_recording(path, layout=Layout(units={'position': 'turn', 'velocity': 'turn/s'}))
-    np.testing.assert_allclose(samples.position, position, atol=1e-9)
-    np.testing.assert_allclose(samples.velocity, velocity, atol=1e-9)
-    # Half of the units is asked for the other half.
-    with pytest.raises(InputError, match='velocity is in turns per second'):
-        read_recording(path, layout=Layout(units={'position': 'turn'}))
-
-
 @pytest.mark.parametrize('name', ['pos', 'position_estimate', 'estimated_pos', 'pos_estimate [rad]',
                                   'pos_estimate_rad', 'drive_pos', 'position_odrivetrain'])
 def test_other_names_of_a_position_are_not_asked(tmp_path, name):
     time, position, velocity = swing()
     samples, = read_recording(write(tmp_path / 'log.csv', **{
         'time': time, name: position, 'tau': np.sign(velocity)}))
-    np.testing.assert_allclose(samples.position, position, atol=1e-9)
-
-
-@pytest.mark.parametrize(('name', 'factor'), [
-    ('position [rotations]', 1.0 / TURN), ('pos_revs', 1.0 / TURN), ('position (rot)', 1.0 / TURN),
-    ('rotation [deg]', 360.0 / TURN), ('pos_rot', 1.0), ('wheel_rotation_angle', 1.0)])
-def test_words_for_a_turn_are_units_where_they_can_be_nothing_else(tmp_path, name, factor):
-    time, position, velocity = swing()
-    path = write(tmp_path / 'log.csv', **{
-        'time': time, name: factor * position, 'tau': np.sign(velocity)})
-    samples, = read_recording(path)
-    np.testing.assert_allclose(samples.position, position, atol=1e-9)
-
-
-@pytest.mark.parametrize('name', ['electrical_angle', 'theta_elec', 'angle (electrical degrees)',
-                                  'position [edeg]'])
-def test_an_electrical_angle_is_no_position_of_a_joint(tmp_path, name):
-    time, position, velocity = swing()
-    path = write(tmp_path / 'log.csv', **{'time': time, name: 7.0 * position, 'tau': velocity})
-    with pytest.raises(InputError, match='position'):
-        read_recording(path)
-    write(path, **{'time': time, name: 7.0 * position, 'q': position,
-                   'electrical_torque': np.sign(velocity)})
-    samples, = read_recording(path)
     np.testing.assert_allclose(samples.position, position, atol=1e-9)
 
 
@@ -308,30 +163,6 @@ def test_a_drive_that_is_logged_on_both_sides_of_its_gear_is_one_joint(tmp_path)
     assert any(note.startswith('c1: ') and 'same drive' in note for note in info.notes)
 
 
-def test_a_torque_to_which_no_position_belongs_is_named(tmp_path):
-    time, position, velocity = swing()
-    path = write(tmp_path / 'log.csv', **{
-        'time': time, 'a1 pos': position, 'a1 torque': np.sign(velocity),
-        'trs605-5 torque [Nm]': position, 'torque constant': 0.1 + 0.0 * time})
-    (_, info), = read_recording_with_info(path)
-    note, = (note for note in info.notes if 'no position belongs to it' in note)
-    assert note.startswith('trs605-5 torque [Nm]: not used')
-
-
-def test_a_torque_beside_a_current_of_the_joint_is_a_sensor(tmp_path):
-    time, position, velocity = swing()
-    path = write(tmp_path / 'log.csv', **{
-        'start_time': 0.0 * time, 'rig:timestamp': 1.7e9 + time, 'hip[pack]:position': position,
-        'hip[pack]:motor_current': np.sign(velocity), 'torque': 3.0 * position})
-    (samples, info), = read_recording_with_info(path)
-    # What a device says stands behind a colon, and one moment is no time of each row.
-    assert samples.joint == 'hip[pack]'
-    assert samples.time == pytest.approx(samples.time[0] + time, abs=1e-5)
-    assert np.abs(samples.current).max() == 1.0
-    note, = (note for note in info.notes if 'no position belongs to it' in note)
-    assert note.startswith('torque: not used')
-
-
 def test_a_length_is_not_so_many_turns(tmp_path, capsys):
     time, position, velocity = swing()
     noise = 0.05 * np.random.default_rng(2).normal(size=len(time))
@@ -363,9 +194,9 @@ def test_a_torque_behind_the_gear_is_no_part_of_a_current(tmp_path, sign):
     columns = {'time': time, 'position': position, 'i': np.sign(velocity) + 0.3 * carried,
                'link_torque': sign * carried}
     (samples, _), = read_recording_with_info(write(tmp_path / 'log.csv', **columns))
-    framed = Samples.from_frame(columns)
+    framed = read_frame(columns)
     for read in (samples, framed):
         np.testing.assert_allclose(read.current, columns['i'])
         np.testing.assert_allclose(read.load, -carried)
     given = Layout(units={'effort': '%'})
-    np.testing.assert_allclose(Samples.from_frame(columns, given).load, -carried)
+    np.testing.assert_allclose(read_frame(columns, given).load, -carried)

@@ -2,25 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings in tables: columns and units are recognised, and guesses are reported."""
 
-import gzip
-import json
 import math
 import warnings
 
-from helpers import ROOT
 import numpy as np
 import pytest
 from table_maker import write
 
 from friction_comp import InputError, Layout, read_recording, Samples
 from friction_comp.__main__ import main
-from friction_comp.recordings import (
-    read_recording_with_info,
-    recorded_joints,
-    stream_recording_with_info,
-    write_samples,
-)
-from friction_comp.recordings.tables import TableScanner, write_table
+from friction_comp.recordings import read_recording_with_info, recorded_joints, write_samples
+from friction_comp.tables.table_files import write_columns
+from friction_comp.tables.table_recording import table_of
 
 SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature', 'command', 'direction',
            'reference_position', 'reference_velocity')
@@ -58,7 +51,7 @@ def test_a_table_holds_all_that_the_recording_held(tmp_path, suffix):
         pytest.importorskip('pyarrow')
     wanted = moving()
     path = tmp_path / f'log.{suffix}'
-    write_table(path, [wanted])
+    write_columns(path, table_of([wanted]))
     (found, info), = read_recording_with_info(path)
     assert_alike(found, wanted, SIGNALS)
     assert info.joint == 'elbow'
@@ -108,14 +101,6 @@ def test_any_separator_will_do(tmp_path, separator):
     assert_alike(read_recording(path)[0], moving())
 
 
-@pytest.mark.parametrize('separator', [';', '\t', ' '])
-def test_decimal_commas_compressed(tmp_path, separator):
-    text = write_csv(tmp_path / 'log.csv', moving(), separator).read_text().replace('.', ',')
-    with gzip.open(tmp_path / 'log.csv.gz', 'wt') as stream:
-        stream.write(text)
-    assert_alike(read_recording(tmp_path / 'log.csv.gz')[0], moving())
-
-
 def test_whole_numbers_have_no_decimal_comma(tmp_path):
     (tmp_path / 'log.csv').write_text('t;q;tau\n0;0;0\n0,001;0,1;0,2\n')
     samples, = read_recording(tmp_path / 'log.csv')
@@ -123,24 +108,6 @@ def test_whole_numbers_have_no_decimal_comma(tmp_path):
 
 
 # A packed file is read in pieces of up to 128 kB.
-@pytest.mark.parametrize(('suffix', 'rows'), [('csv', 4000), ('csv.gz', 40_000)])
-def test_progress_is_the_share_of_rows_that_were_read(tmp_path, suffix, rows):
-    rng = np.random.default_rng(0)
-    one = moving(rows, current=rng.normal(size=rows))
-    plain = write_csv(tmp_path / 'log.csv', one)
-    path = tmp_path / f'log.{suffix}'
-    path.write_bytes(plain.read_bytes() if suffix == 'csv' else gzip.compress(plain.read_bytes()))
-    scanner = TableScanner(path, batch=rows // 2)
-    shares = [scanner.progress for _ in scanner.scans()]
-    assert shares == pytest.approx([0.5, 1.0], abs=0.1)
-
-
-def test_damaged_gzip_is_no_traceback(tmp_path):
-    packed = gzip.compress(write_csv(tmp_path / 'log.csv', moving()).read_bytes())
-    for content in (packed[:200], packed[:-100], packed[:2000] + bytes(500) + packed[2500:]):
-        (tmp_path / 'log.csv.gz').write_bytes(content)
-        with pytest.raises(InputError, match='not a readable recording'):
-            read_recording(tmp_path / 'log.csv.gz')
 
 
 def test_columns_that_are_not_used_may_be_text(tmp_path):
@@ -187,40 +154,6 @@ def test_joints_of_one_table_are_told_apart(tmp_path):
         read_recording(tmp_path / 'arm.npz')
 
 
-def test_stretches_together_are_the_whole(tmp_path):
-    path = write_csv(tmp_path / 'log.csv', moving(6000))
-    parts = list(stream_recording_with_info(path, 'elbow', seconds=1.0))
-    assert len(parts) > 3
-    # Without a name of its own, the joint has the given one in each of them.
-    assert {info.joint for _, info in parts} == {'elbow'}
-    assert_alike(Samples.concatenate([part for part, _ in parts if len(part)]), moving(6000))
-
-
-def test_rows_that_lack_something_are_left_out(tmp_path):
-    lines = write_csv(tmp_path / 'log.csv', moving()).read_text().splitlines()
-    lines[5] = ',1,1,1'
-    lines[9] = lines[9].rsplit(',', 1)[0] + ','
-    lines[-1] = lines[-1][:4]
-    (tmp_path / 'log.csv').write_text('\n'.join(lines))
-    (found, info), = read_recording_with_info(tmp_path / 'log.csv')
-    assert len(found) == 1997
-    assert '3 joint states left out: not finite' in info.notes
-
-
-@pytest.mark.parametrize(('text', 'said'), [
-    ('', 'is empty'),
-    ('t,q,tau\n', 'no row'),
-    ('t,q\n0,1\n', 'which column is the effort or current'),
-    ('q,tau\n0,1\n', 'which column is the time'),
-    ('t,q,tau,q\n0,1,2,3\n', "two columns called 'q'"),
-    ('t,q,tau\n0,1,2\n1,x,2\n', "line 3, column 'q': 'x' is not a number"),
-    ('t,q,tau\n1.7e18,0,1\n1.7e18,1,2\n', "column 't' holds values such as 1.7e+18"),
-    ('\0\0,q\n0,1\n', 'not a text file')])
-def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, refuses, text, said):
-    (tmp_path / 'log.csv').write_text(text)
-    refuses(said, 'refine', tmp_path / 'log.csv')
-
-
 @pytest.mark.parametrize(('arguments', 'said'), [
     (['--columns', 'time'], 'SIGNAL=NAME'),
     (['--columns', 'when=t'], "no signal 'when'"),
@@ -263,53 +196,6 @@ def test_messages_in_other_units_are_read_as_the_units_say(tmp_path, unit, posit
     assert_alike(*read_recording(tmp_path / 'bag', None, 0.05, 100, layout=layout), one)
 
 
-def test_a_broken_npz_or_parquet_is_no_traceback(tmp_path, refuses):
-    pytest.importorskip('pyarrow')
-    for name in ('log.npz', 'log.parquet'):
-        (tmp_path / name).write_bytes(b'PK\x03\x04 not really')
-        refuses('not a readable recording', 'evaluate', tmp_path / name)
-    np.savez(tmp_path / 'short.npz', t=np.zeros(3), q=np.zeros(4), tau=np.zeros(3))
-    refuses('differ in length', 'evaluate', tmp_path / 'short.npz')
-
-
-def test_arrays_and_frames_are_samples():
-    pandas = pytest.importorskip('pandas')
-    one = moving()
-    plain = Samples.from_arrays(one.time, one.position, effort=5.0 * one.current,
-                                velocity=one.velocity, torque_constant=0.05, gear_ratio=100)
-    assert_alike(plain, one)
-    frame = pandas.DataFrame({
-        't_ms': 1e3 * one.time, 'q_deg': np.degrees(one.position), 'dq': one.velocity,
-        'i': one.current, 'remark': 'x'})
-    notes = []
-    assert_alike(Samples.from_frame(frame.sample(frac=1.0, random_state=0), notes=notes), one)
-    assert 'position=q_deg in deg' in notes[0]
-    dated = frame.assign(t_ms=pandas.to_datetime(one.time, unit='s').round('us')).rename(
-        columns={'t_ms': 'time'})
-    assert_alike(Samples.from_frame(dated), one)
-    with pytest.raises(InputError, match='either effort or current'):
-        Samples.from_arrays(one.time, one.position)
-    with pytest.raises(InputError, match=r'shape \(1999,\)'):
-        Samples.from_arrays(one.time, one.position[1:], current=one.current)
-    with pytest.raises(InputError, match='does not contain numbers'):
-        Samples.from_frame(frame, Layout({'position': 'remark'}))
-
-
-def test_the_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
-    pytest.importorskip('pandas')
-    book = json.loads((ROOT / 'docs' / 'without_ros.ipynb').read_text(encoding='utf-8'))
-    (tmp_path / 'examples').symlink_to(ROOT / 'examples')
-    monkeypatch.chdir(tmp_path)
-    names = {}
-    for cell in book['cells']:
-        if cell['cell_type'] == 'code':
-            exec(''.join(cell['source']), names)
-    said = capsys.readouterr().out
-    assert 'position=q_deg in deg' in said
-    assert 'verdict:' in said
-    assert (tmp_path / 'output' / 'current.csv').exists()
-
-
 def test_what_is_no_number_in_a_table_is_named_and_warns_of_nothing(tmp_path, refuses):
     one = moving()
     position = np.where(np.arange(2000) % 500 < 50, np.inf, one.position)
@@ -321,14 +207,6 @@ def test_what_is_no_number_in_a_table_is_named_and_warns_of_nothing(tmp_path, re
     path = write(tmp_path / 'none.csv', t=np.full(300, np.nan), q=one.position[:300],
                  tau=one.current[:300])
     refuses("column 't' holds no time", 'refine', path)
-
-
-@pytest.mark.parametrize(('name', 'said'), [
-    ('log.npz', 'not a NumPy file of numbers'), ('log.npy', 'not a NumPy file of numbers'),
-    ('log.mat', 'not a readable MATLAB file')])
-def test_a_text_of_another_name_asks_nobody_to_trust_it(tmp_path, refuses, name, said):
-    (tmp_path / name).write_text('hello, this is a text\n')
-    refuses(said, 'refine', tmp_path / name)
 
 
 def test_commands_of_a_converted_recording_keep_their_unit(tmp_path):

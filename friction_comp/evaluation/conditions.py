@@ -33,16 +33,16 @@ from friction_comp.evaluation.repetitions import (
     Repetition,
     torque_figures,
 )
-from friction_comp.recordings import read_recording_with_info, RecordingInfo
+from friction_comp.recordings import read_recording_with_info
 from friction_comp.recordings.pieces import Piece, pieces_of
 from friction_comp.recordings.sources import without_topic
-from friction_comp.samples import Samples
+from friction_comp.samples import RecordingInfo, Samples
 from friction_comp.statistics import rms
 
 if TYPE_CHECKING:
     # Few evaluations need it.
-    from friction_comp.layout import Layout
     from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.tables.columns import Layout
 
 # Movements by which two days lie apart, so that none is like one of the day before.
 _DAYS_APART = 1000

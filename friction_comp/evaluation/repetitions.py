@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from friction_comp.facts.timing import gap_length
-from friction_comp.recordings import Activity, RecordingInfo
+from friction_comp.recordings import Activity
 from friction_comp.recordings.time_base import HOLE
-from friction_comp.samples import Samples
+from friction_comp.samples import RecordingInfo, Samples
 from friction_comp.statistics import rms, top_speed
 
 # Share of the top speed above which the reference counts as moving, and as moving constantly.

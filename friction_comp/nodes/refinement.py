@@ -26,7 +26,6 @@ from sensor_msgs.msg import JointState, Temperature
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
 from friction_comp.files import file_names
-from friction_comp.layout import Layout
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.nodes.goal_server import GoalServer
@@ -39,6 +38,7 @@ from friction_comp.ros.executor import yield_to_executor
 from friction_comp.ros.parameters import load_models, names_in, Settings
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO
+from friction_comp.tables.columns import Layout
 
 # Real s between looks at a running refinement, and between comparisons of models with the motion.
 _POLL_PERIOD, _MONITORING_PERIOD = 0.2, 1.0

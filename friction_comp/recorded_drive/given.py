@@ -9,16 +9,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from friction_comp import units
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.layout import Layout
+from friction_comp.tables import units
+from friction_comp.tables.columns import Layout
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import RecordingInfo
-    from friction_comp.samples import Samples
-
+    from friction_comp.samples import RecordingInfo, Samples
 # Length of the running median that removes single wrong samples of the current, s.
 _LASTING = 0.05
 

@@ -9,15 +9,16 @@ from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import output_folder
 from friction_comp.recorded_drive.given import drive_of, Given, unit_of, with_current_limit
 from friction_comp.results import write_report
 
 if TYPE_CHECKING:
-    from friction_comp.recordings import RecordingInfo
     from friction_comp.refinement import RefineResult
-    from friction_comp.samples import Samples
+    from friction_comp.samples import RecordingInfo, Samples
 
 
 def refine_to_folder(given: Given, paths: Sequence[Path], output: Path, command: str,
@@ -91,25 +92,19 @@ def notes_on(recordings: Iterable[tuple[Samples, RecordingInfo]], idle: bool = F
 
 def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]) -> list[str]:
     """Return the units of tables that are taken for granted, with what tells against them."""
-    from friction_comp.recordings.told_units import unit_of_weight
-
-    spans: dict[tuple[str, str, bool], float] = {}
-    steps: dict[tuple[str, str, bool], list[float]] = {}
+    spans: dict[tuple[str, bool], float] = {}
+    steps: dict[tuple[str, bool], list[float]] = {}
     for samples, info in recordings:
         columns = [one for one in info.assumed if not (given.figures and 'N·m' in one)]
         if not columns or len(samples) < 2:
             continue
-        span = float(samples.position.max() - samples.position.min())
-        unit = unit_of_weight(samples.time, samples.position, samples.current) \
-            if any(one.endswith(' in rad') for one in columns) else ''
-        key = ', '.join(columns), unit, info.linear
-        spans[key] = max(span, spans.get(key, 0.0))
+        key = ', '.join(columns), info.linear
+        spans[key] = max(float(np.ptp(samples.position)), spans.get(key, 0.0))
         steps.setdefault(key, []).append(samples.sample_time)
-    return [f'{columns} (position covers {span:.3g} rad{"" if linear else _in_other_units(span)}; '
-            f'rows are {_between(steps[columns, unit, linear])} ms apart); --unit gives others' + (
-                f'. A weight that repeats every turn explains the effort if position is in {unit}'
-                if unit else '')
-            for (columns, unit, linear), span in spans.items()]
+    return [f'{columns} (position covers {span:.3g} {"m" if linear else "rad"}'
+            f'{"" if linear else _in_other_units(span)}; rows are '
+            f'{_between(steps[columns, linear])} ms apart); --unit gives others'
+            for (columns, linear), span in spans.items()]
 
 
 def _in_other_units(span: float) -> str:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from friction_comp.recordings.activity import Activity
-    from friction_comp.recordings.joint_samples import RecordingInfo
     from friction_comp.recordings.reader import (
         read_arm,
         read_joints,
@@ -24,13 +23,13 @@ if TYPE_CHECKING:
     from friction_comp.recordings.writer import RecordingWriter, write_samples
 
 __all__ = [
-    'Activity', 'RecordingInfo', 'RecordingWriter', 'find_recording', 'find_recordings',
+    'Activity', 'RecordingWriter', 'find_recording', 'find_recordings',
     'read_arm', 'read_joints', 'read_recording', 'read_recording_with_info', 'recorded_joints',
     'stream_recording_with_info', 'write_samples',
 ]
 
 _HOMES = {
-    'activity': ['Activity'], 'joint_samples': ['RecordingInfo'],
+    'activity': ['Activity'],
     'reader': ['read_arm', 'read_joints', 'read_recording', 'read_recording_with_info',
                'stream_recording_with_info'],
     'sources': ['find_recording', 'find_recordings', 'recorded_joints'],

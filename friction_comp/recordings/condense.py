@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.layout import Layout
-from friction_comp.recordings.joint_samples import number_recordings, RecordingInfo
+from friction_comp.recordings.joint_samples import number_recordings
 from friction_comp.recordings.reader import read_recording_with_info, stream_recording_with_info
 from friction_comp.recordings.sources import find_recordings, part_of, Progress, size_of
 from friction_comp.recordings.storage import AnyPath
-from friction_comp.samples import Samples
+from friction_comp.samples import RecordingInfo, Samples
 from friction_comp.statistics import evenly_spread
+from friction_comp.tables.columns import Layout
 
 # Most samples of one fit: about 600 MB of working memory, ten times the size of most recordings.
 LIMIT = 400_000

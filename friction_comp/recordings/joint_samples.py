@@ -5,49 +5,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from friction_comp.checks import one_of
-from friction_comp.controller_effort import load_behind_gear
 from friction_comp.errors import InputError
-from friction_comp.facts.current import wrong_sign
-from friction_comp.facts.motion import glitches, impossible, turns_of, velocity_agreement
-from friction_comp.recordings import row_times, time_base
-from friction_comp.recordings.activity import Activity
+from friction_comp.facts.recorded import implausible, tidied
+from friction_comp.recordings import time_base
 from friction_comp.recordings.scan import Scan, signal_of, Track
-from friction_comp.samples import JointStates, Samples
+from friction_comp.samples import JointStates, RecordingInfo, Samples
+from friction_comp.tables.table_recording import TableRecording
 from friction_comp.topics import TOPICS
 
 # A joint whose position covers more, rad or m, moved.
 _MOVED = 0.01
 # Share of a signal's variance that may be its rounding, where it is a multiple of another.
 _ROUNDED = 1e-4
-
-
-@dataclass
-class RecordingInfo:
-    """Information on one recording beyond its samples."""
-
-    path: Path
-    joint: str = ''  # the joint that was read
-    # Topic name to (message type, number of messages).
-    topics: dict[str, tuple[str, int]] = field(default_factory=dict)
-    start: float = 0.0  # stamp of the samples' time zero, s
-    # (M,): times of all joint states in s since `start`, in the order received.
-    stamps: np.ndarray | None = None
-    rows: np.ndarray | None = None  # (N,): indices of the joint states used as samples
-    notes: list[str] = field(default_factory=list)  # for readers of the results
-    model: str | None = None  # active model file, if recorded
-    # What the compensator reported, each with the time in s since `start` from which it is valid.
-    activity: list[tuple[float, Activity]] = field(default_factory=list)
-    turns: float = 0.0  # added to the last position because the sensor wraps around, rad
-    effort_is_current: bool = False  # whether efforts were in A already, as a table may declare
-    effort_unit: str = ''  # of efforts that are neither torques nor currents
-    assumed: tuple[str, ...] = ()  # columns without a unit, with the one that is taken for it
-    linear: bool = False  # whether positions are in m and efforts in N
 
 
 def number_recordings(recordings: Iterable[tuple[Samples, RecordingInfo]]
@@ -80,27 +53,26 @@ def without_compensation(samples: Samples, info: RecordingInfo) -> Samples:
     return samples.take(~compensated)
 
 
-def to_samples(scan: Scan, joint: str | None,
+def to_samples(scan: Scan | TableRecording, joint: str | None,
                torque_per_current: float) -> tuple[Samples, RecordingInfo]:
     """Interpolate one joint's signals to the times of its joint states.
 
     Raises InputError if the joint is missing or not named, or the values are impossible.
     """
+    if isinstance(scan, TableRecording):
+        return scan.samples(joint, torque_per_current)
     if scan.effort_is_current:
         torque_per_current = 1.0
     track, joint, joints, own = _select_joint(scan, joint)
     info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current,
-                         effort_unit=scan.effort_unit, assumed=scan.assumed, linear=scan.linear)
-    track, values, stamp = _dated(track, own, info)
+                         linear=scan.linear)
+    values, stamp = own, time_base.message_times(track, info.notes)
     outlier = time_base.outliers(stamp)
     shifts = time_base.clock_shifts(stamp[~outlier], track.order[~outlier], track.receive[~outlier],
                                     info.notes)
     stamp = shifts.apply(stamp, track.order)
     position, velocity, effort = values.T[:3]
-    load = load_behind_gear(
-        effort, values[:, 3] if values.shape[1] > 3 else None,
-        not (scan.effort_is_current or scan.effort_unit), info.notes)
     for name, signal in (('position', position), ('effort', effort)):
         if not np.isfinite(signal).any():
             raise InputError(f'{scan.path}: {track.topic} contains no finite {name} of joint '
@@ -125,15 +97,6 @@ def to_samples(scan: Scan, joint: str | None,
             ('stamp far off', np.count_nonzero(finite & outlier))):
         if count:
             info.notes.append(f'{count} joint states left out: {reason}')
-    fresh = row_times.measured_rows(1e-9 * stamp[order], position[order], effort[order],
-                                    info.notes)
-    (velocity, measured), order = (
-        row_times.fresh_velocity(velocity, order, fresh, info.notes), order[fresh])
-    odd = glitches(position[order])
-    if odd.any():
-        info.notes.append(f'{np.count_nonzero(odd)} joint states left out: position jumps away and '
-                          'back within one sample')
-        order = order[~odd]
     lost = scan.custom.get('messages_lost', '')
     if lost:
         info.notes.append(f'the recorder lost messages: {lost}')
@@ -147,34 +110,19 @@ def to_samples(scan: Scan, joint: str | None,
                               info.notes)
     info.activity = [(base.to_state_time(activity.time) - info.start, activity.of(joint))
                      for activity in scan.activity]
-    unwrapped = _unwrap(time, position[order], info.notes)
-    info.turns = float(unwrapped[-1] - position[order[-1]])
-    samples = Samples(
-        time=time, position=unwrapped,
-        current=effort[order] / torque_per_current,
-        velocity=None if velocity is None else velocity[order], joint=joint)
+    samples, kept = tidied(Samples(
+        time=time, position=position[order], current=effort[order] / torque_per_current,
+        velocity=None if velocity is None else velocity[order], joint=joint), info.notes)
+    info.rows = order[kept]
+    info.turns = float(samples.position[-1] - position[info.rows[-1]])
+    base.stamp, base.receive = base.stamp[kept], base.receive[kept]
     samples = samples.with_(**time_base.other_signals(
         scan.around(track.topic), joint, joints, base, torque_per_current, info.notes))
-    if load is not None and samples.load is None:
-        samples = samples.with_(load=load[order])
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
-    return samples if measured else samples.with_(velocity=None), info
+    return samples, info
 
 
-def _dated(track: Track, values: np.ndarray, info: RecordingInfo
-           ) -> tuple[Track, np.ndarray, np.ndarray]:
-    """Return a track and a joint's values of it, mostly in order of time, and its times in ns."""
-    if row_times.in_no_order(track.stamp):
-        info.notes.append('rows are in no order of time: sorted')
-        rows = np.argsort(track.stamp, kind='stable')
-        track, values = track.take(rows), values[rows]
-    stamp = time_base.message_times(track, info.notes)
-    stamp = row_times.spread_rounded(stamp, values[:, 0], info.notes)
-    row_times.check_resolution(stamp, str(info.path))
-    return track, values, stamp
-
-
-def usable_joints(scan: Scan, torque_per_current: Callable[[str], float],
+def usable_joints(scan: Scan | TableRecording, torque_per_current: Callable[[str], float],
                   notes: list[str] | None = None) -> dict[str, tuple[Samples, RecordingInfo]]:
     """Return every usable joint of a scan, and note the others; InputError if there is none."""
     read: dict[str, tuple[Samples, RecordingInfo]] = {}
@@ -218,9 +166,10 @@ def _is_multiple(values: np.ndarray, of: np.ndarray) -> bool:
             and bool(np.corrcoef(values, of)[0, 1] ** 2 > 1.0 - _ROUNDED))
 
 
-def moved_without_effort(scan: Scan, joints: Iterable[str]) -> list[str]:
+def moved_without_effort(scan: Scan | TableRecording, joints: Iterable[str]) -> list[str]:
     """Return the names of joints that moved, but are not among the usable `joints`."""
-    return sorted({name for name, _ in _moved(scan)} - set(joints))
+    return [] if isinstance(scan, TableRecording) else sorted(
+        {name for name, _ in _moved(scan)} - set(joints))
 
 
 def joint_states_at(samples: Samples, info: RecordingInfo,
@@ -245,24 +194,9 @@ def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
     moved: then the weight depends on the position alone, and the motor's mean power must be
     positive.
     """
-    fault, velocity = impossible(samples), samples.velocity
-    # Some drivers publish zeros where they measure no velocity.
-    if not fault and velocity is not None and velocity.any():
-        agreement = velocity_agreement(samples.time, samples.position, velocity)
-        fault = agreement.cause and agreement.fault + (
-            ' (--unit says it, such as velocity=deg/s, velocity=turn/s or position=turn)')
-    fault = fault or wrong_sign(samples, alone)
-    if fault:
+    if fault := implausible(samples, alone):
         joint = f'joint {samples.joint!r}: ' if samples.joint else ''
         raise InputError(f'{name}: {joint}{fault}')
-
-
-def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
-    turns = turns_of(time, position)
-    if not turns.any():
-        return position
-    notes.append(f'position wraps around {np.count_nonzero(np.diff(turns))} times: turns are added')
-    return position + 2.0 * np.pi * turns
 
 
 def _others_moved(scan: Scan, own: np.ndarray) -> bool:

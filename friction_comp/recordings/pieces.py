@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from friction_comp.errors import InputError
-from friction_comp.layout import Layout
 from friction_comp.recordings import find_recordings, recorded_joints
+from friction_comp.tables.columns import Layout
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,14 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.facts.timing import gap_length
-from friction_comp.layout import Layout
 from friction_comp.recordings import joint_samples, sources
-from friction_comp.recordings.joint_samples import RecordingInfo
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.sources import Progress
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.time_base import GAPS
-from friction_comp.samples import Samples
-from friction_comp.used_columns import idle_note
+from friction_comp.samples import RecordingInfo, Samples
+from friction_comp.tables.columns import Layout
+from friction_comp.tables.table_recording import TableRecording
 
 # Other topics are read this far beyond the end of a stretch, ns: a recorder may write them later.
 _MARGIN = 2_000_000_000
@@ -77,8 +76,8 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         for scan in _scan_all(paths, progress, joint, layout, others))
 
 
-def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others: bool
-                ) -> tuple[Samples, RecordingInfo]:
+def _read_joint(scan: Scan | TableRecording, joint: str | None, torque_per_current: float,
+                others: bool) -> tuple[Samples, RecordingInfo]:
     scan, joint = scan.chosen(joint)
     samples, info = joint_samples.to_samples(scan, joint, torque_per_current)
     if others and len(scan.joints) > 1:
@@ -86,7 +85,8 @@ def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others
         samples = samples.with_(arm=joint_samples.joint_states_at(
             samples, info, joint_samples.without_copies(joints, info)))
         idle = joint_samples.moved_without_effort(scan, joints)
-        info.notes += [idle_note(idle)] if idle else []
+        info.notes += [f'the motion of {", ".join(idle)} is left out: no effort belongs to it'] \
+            if idle else []
     return samples, info
 
 
@@ -138,13 +138,17 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
 
 
 def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joint: str | None,
-              layout: Layout | None, others: bool = True) -> Iterator[Scan]:
+              layout: Layout | None, others: bool = True) -> Iterator[Scan | TableRecording]:
     """Yield the scan of each recording, and report the progress of all."""
     recordings = sources.find_recordings(paths)
     for index, path in enumerate(recordings):
         report = sources.part_of(progress, index, len(recordings))
         own = layout and layout.of_recording(index, len(recordings))
         scanner = sources.open_scanner(path, joint, own, others)
+        if isinstance(scanner, TableRecording):
+            yield scanner
+            report(1.0)
+            continue
         parts: dict[str, list[Track]] = {}
         for scan in scanner.scans():
             for track in scan.tracks:
@@ -166,6 +170,14 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     InputError if the recording, the joint or a value cannot be used.
     """
     scanner = sources.open_scanner(sources.find_recording(path), joint, layout, others)
+    if isinstance(scanner, TableRecording):
+        # It is bounded, and read as a whole.
+        whole, about = _read_joint(scanner, joint, torque_per_current, others)
+        if progress:
+            progress(1.0)
+        yield whole, about
+        yield whole.take(slice(0, 0)), about
+        return
     clock, turns = _CommonClock(), _Turns()
     info = None
     for scan in _stretches(scanner.scans(), round(seconds * 1e9)):

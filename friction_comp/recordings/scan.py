@@ -14,12 +14,12 @@ import numpy as np
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 
-from friction_comp.layout import STATES
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
 from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
 from friction_comp.stamps import NANO
+from friction_comp.tables.columns import STATES
+from friction_comp.tables.units import Unit
 from friction_comp.topics import TOPICS, TORQUE_UNIT
-from friction_comp.units import Unit
 
 # Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them: used
 # where the usual ones have no effort.
@@ -58,11 +58,10 @@ class Track:
     order: np.ndarray  # (N,) of int64: index of each message among all that were read
     names: list[str]  # all joints or frames in the messages
     # JointState: by joint, arrays (N, 3) of position, velocity and effort, NaN where a message has
-    # none; a table may have a fourth column, the torque behind the gear. DynamicJointState: (N, 5),
-    # also current and temperature. Wrench and temperature: by frame, arrays (N, 1).
-    # Float64MultiArray and Int8MultiArray: an array (N, J) with the key '', or `TORQUE_UNIT` for
-    # commands in N·m, NaN in messages of the other unit. If one joint was selected, only values
-    # that may belong to it.
+    # none. DynamicJointState: (N, 5), also current and temperature. Wrench and temperature: by
+    # frame, arrays (N, 1). Float64MultiArray and Int8MultiArray: an array (N, J) with the key '',
+    # or `TORQUE_UNIT` for commands in N·m, NaN in messages of the other unit. If one joint was
+    # selected, only values that may belong to it.
     values: dict[str, np.ndarray]
 
     def __len__(self) -> int:
@@ -107,8 +106,6 @@ class Scan:
     custom: dict[str, str] = field(default_factory=dict)    # custom_data of rosbag2's metadata
     activity: list[Activity] = field(default_factory=list)
     effort_is_current: bool = False        # whether efforts are in A, as tables may declare
-    effort_unit: str = ''                  # of efforts that are neither torques nor currents
-    assumed: tuple[str, ...] = ()          # columns without a unit, with the one taken for it
     selected: str | None = None            # the joint to read if none is named
     linear: bool = False                   # whether positions are in m and efforts in N
 

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.layout import Layout, STATES, TABLES
 from friction_comp.recordings.scan import MessageScanner
 from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
-from friction_comp.recordings.table_files import is_table, parts_of, with_parts
-from friction_comp.recordings.tables import TableScanner
+from friction_comp.tables.columns import Layout, STATES
+from friction_comp.tables.table_files import is_table, parts_of, TABLES
+from friction_comp.tables.table_recording import TableRecording
 
 Progress = Callable[[float], None]
 
@@ -35,14 +35,14 @@ def part_of(progress: Progress | None, index: int, count: int) -> Progress:
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     """Return the recordings at paths, and in folders at any depth in the order of their names.
 
-    Tables are recordings only if `paths` name them; tables of one signal each, in one folder, are
-    one. Raises InputError if a path does not exist or has no recording.
+    Tables are recordings only if `paths` name them, several joined by a plus as one. Raises
+    InputError if a path does not exist or has no recording.
     """
     unique: dict[Path, Path] = {}
     given = list(map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths))
-    for path in with_parts(given):
+    for path in given:
         with os_errors_name(path, 'cannot be read: '):
-            if not all(part.exists() for part in parts_of(path) or [path]):
+            if not all(part.exists() for part in parts_of(path)):
                 raise InputError(f'{path}: no such file or folder')
             recordings = list(_expand(path))
         if not recordings:
@@ -70,7 +70,7 @@ def find_recording(path: AnyPath) -> Path:
 
 def size_of(path: Path) -> int:
     """Return the size of a recording, a file or a folder, in bytes."""
-    files = path.rglob('*') if path.is_dir() else parts_of(path) or [path]
+    files = path.rglob('*') if path.is_dir() else parts_of(path)
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
@@ -85,7 +85,7 @@ def _tables_in(folder: Path) -> str:
 
 
 def _expand(path: Path) -> Iterator[Path]:
-    if path.is_file() or parts_of(path):
+    if all(part.is_file() for part in parts_of(path)):
         if is_storage(path) or is_table(path):
             yield path
     elif (path / METADATA).is_file() or is_split_recording(path):
@@ -99,14 +99,14 @@ def _expand(path: Path) -> Iterator[Path]:
 
 
 def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
-                 others: bool = False, **options: Any) -> MessageScanner | TableScanner:
-    """Return a reader of a recording by ``batch`` messages or rows, of all joints or `joint`.
+                 others: bool = False, **options: Any) -> MessageScanner | TableRecording:
+    """Return a reader of a recording by ``batch`` messages, of all joints or `joint`; or a table.
 
     With `others`, it also reads the joints that belong together with `joint`.
     """
     path = Path(path)
     if is_table(path) and not path.is_dir():
-        return TableScanner(path, layout, None if others else joint, **options)
+        return TableRecording(path, layout)
     layout = layout or Layout()
     units = layout.of_states
     if (layout.columns or layout.units or layout.rate) and not units:
@@ -125,8 +125,10 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
 
 def without_topic(path: AnyPath, joint: str | None) -> str | None:
     """Return the name of a recording's joint that may be given as /TOPIC/NAME."""
-    return joint if not (joint or '').startswith('/') else next(open_scanner(
-        path, joint, batch=_FIRST_MESSAGES).scans()).chosen(joint)[1]
+    path = Path(path)
+    if not (joint or '').startswith('/') or (is_table(path) and not path.is_dir()):
+        return joint
+    return next(MessageScanner(path, joint, _FIRST_MESSAGES).scans()).chosen(joint)[1]
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
@@ -135,5 +137,8 @@ def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     Those in several topics are /TOPIC/NAME. If the layout names the columns of one joint, it is
     that joint only. Raises InputError if the recording cannot be read.
     """
-    scan = next(open_scanner(path, layout=layout, batch=_FIRST_MESSAGES).scans())
+    scanner = open_scanner(path, layout=layout, batch=_FIRST_MESSAGES)
+    if isinstance(scanner, TableRecording):
+        return scanner.choices
+    scan = next(scanner.scans())
     return scan.choices if scan.selected is None else [scan.selected]

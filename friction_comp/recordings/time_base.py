@@ -55,8 +55,6 @@ class Shifts:
 def message_times(track: Track, notes: list[str]) -> np.ndarray:
     """Return the time of each message in ns: its stamp, or the receive time where that is zero."""
     stamp, receive = track.stamp, track.receive
-    if np.array_equal(stamp, receive):
-        return stamp    # a table, whose times may be zero
     empty = stamp == 0
     if empty.all():
         notes.append('stamps are zero: receive times are used')

@@ -21,14 +21,12 @@ import sys
 from typing import Any, NoReturn, TYPE_CHECKING, TypeVar
 
 from friction_comp.checks import check_number, check_whole_number
-from friction_comp.column_values import read_pairs
-from friction_comp.columns import without_time
 from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, encodable, file_names, output_folder
-from friction_comp.layout import Layout
 from friction_comp.recorded_drive.given import Given
 from friction_comp.results import Page, to_json, write_report
-from friction_comp.used_columns import Column
+from friction_comp.tables.columns import Column, Layout, without_time
+from friction_comp.tables.table_files import is_table, Table
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -47,20 +45,6 @@ class _Once(argparse.Action):
             parser.error(f'{option} is given twice')
         parser.given.add(option)
         setattr(namespace, self.dest, values)
-
-
-class _OneRecording(argparse.Action):
-    """Several files are one recording if they hold a signal each."""
-
-    def __call__(self, parser: Any, namespace: Namespace, values: Any,
-                 option: str | None = None) -> None:
-        from friction_comp.recordings.table_files import with_parts
-
-        whole = with_parts(values) if len(values) > 1 else values
-        if len(whole) > 1:
-            raise InputError(f'{whole[1]}: a recording too many: give one, or the tables with a '
-                             'signal each that are one')
-        setattr(namespace, self.dest, whole[0])
 
 
 class _Joined(argparse.Action):
@@ -115,9 +99,10 @@ class Arguments(argparse.ArgumentParser):
     def add_recordings(self, several: bool = True, unit_help: str = '') -> Arguments:
         """Add the arguments for recordings: RECORDING, --joint, --columns and --unit."""
         self.add_argument(
-            'recordings' if several else 'recording', metavar='RECORDING',
-            type=Path, nargs='+', action='store' if several else _OneRecording,
-            help='rosbag2 folder, .mcap or .bag file, or table (.csv, .parquet, .npz, .mat, .h5)'
+            'recordings' if several else 'recording', metavar='RECORDING', type=Path,
+            nargs='+' if several else None, action='store' if several else _Once,
+            help='rosbag2 folder, .mcap or .bag file, or table (.csv, .parquet, .npz, .mat, .h5; '
+            'with a signal each, q.csv+tau.csv)'
             + ('; or a folder of recordings other than tables' if several else ''))
         self.add_argument('--joint', metavar='NAME', help='the joint, where there are several; '
                           '/TOPIC/NAME if several topics have it')
@@ -223,6 +208,20 @@ def layout_of(arguments: Namespace) -> Layout:
         raise InputError(f'--columns or --unit: {error}') from None
 
 
+def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time=t,position=q_2'
+               ) -> dict[str, str]:
+    """Parse ``a=b,c=d`` into a dictionary; InputError, which says the form, if it is invalid."""
+    pairs: dict[str, str] = {}
+    for part in text.split(','):
+        name, sign, value = (piece.strip() for piece in part.partition('='))
+        if not (name and sign and value):
+            raise InputError(f'{what}: {part.strip()!r} is not of the form {form}')
+        if name in pairs:
+            raise InputError(f'{what}: names {name} twice')
+        pairs[name] = value
+    return pairs
+
+
 def _gains(text: str | None) -> tuple[float | str, ...]:
     def read(one: str) -> float | str:
         try:
@@ -237,20 +236,17 @@ def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
 
     Returns velocity and effort if the only recording is a table of steady states.
     """
-    from friction_comp.recordings.sources import find_recordings, open_scanner
-    from friction_comp.recordings.storage import unreadable_on_error
-    from friction_comp.recordings.table_files import is_table, open_table
+    from friction_comp.recordings.sources import find_recordings
+    from friction_comp.tables.table_recording import TableRecording
 
     layout = layout_of(arguments)
     recordings = find_recordings(arguments.recordings)
-    if len(recordings) == 1 and is_table(recordings[0]):
-        with unreadable_on_error(recordings[0]):
-            means = without_time(open_table(recordings[0]).names, layout, str(recordings[0]))
-        if means:
-            return means
     for index, path in enumerate(recordings):
-        if is_table(path):
-            open_scanner(path, layout=layout.of_recording(index, len(recordings)))
+        if is_table(path) and not path.is_dir():
+            means = without_time(Table(path).names, layout, path) if len(recordings) == 1 else None
+            if means:
+                return means
+            TableRecording(path, layout.of_recording(index, len(recordings)))
     return None
 
 

@@ -27,8 +27,8 @@ def main(argv: list[str] | None = None) -> int:
                         help='.csv, .parquet or .npz file, or a new folder')
     arguments = parser.parse(argv)
     from friction_comp.recordings import read_joints, write_samples
-    from friction_comp.recordings.table_files import is_table
-    from friction_comp.recordings.tables import write_table
+    from friction_comp.tables.table_files import is_table, write_columns
+    from friction_comp.tables.table_recording import table_of
 
     output = arguments.output
     if os.path.lexists(output):
@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
             layout_of(arguments))
         report(0.5, 'writing')
         if is_table(output):
-            write_table(output, joints)
+            write_columns(output, table_of(joints))
         else:
             # Zero would mean that a message has no stamp.
             write_samples(output, joints, start_ns=max(round(1e9 * info.start), NANO))

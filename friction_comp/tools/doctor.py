@@ -20,7 +20,7 @@ from friction_comp.results import to_json
 from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, number
 
-_REQUIRED = ('numpy', 'scipy', 'numba', 'yaml', 'matplotlib', 'pandas', 'rosbags', 'mcap')
+_REQUIRED = ('numpy', 'scipy', 'numba', 'yaml', 'matplotlib', 'rosbags', 'mcap')
 _OPTIONAL = {'pinocchio': 'refine --urdf', 'mujoco': 'plant with arm_file',
              'pyarrow': 'Parquet files', 'h5py': 'HDF5 files'}
 _ROS = ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'diagnostic_msgs', 'lifecycle_msgs')

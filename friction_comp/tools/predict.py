@@ -17,19 +17,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from friction_comp.checks import one_of
-from friction_comp.column_values import to_csv
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml, write_atomically
+from friction_comp.number_text import in_own_units
+from friction_comp.tables.table_files import to_csv
 from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, layout_of
-from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.model.measured import Recorded
-    from friction_comp.recordings import RecordingInfo
-    from friction_comp.samples import Samples
-
+    from friction_comp.samples import RecordingInfo, Samples
 # Share of its top speed below which a plan stands still.
 _STILL = 0.05
 
@@ -47,7 +45,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_output_file('CSV file with the columns time, measured, predicted; of a plan time, '
                            'torque')
     arguments = parser.parse(argv)
-    from friction_comp.recordings.plans import read_plan
+    from friction_comp.tables.table_recording import read_plan
 
     plan = read_plan(arguments.recording, layout_of(arguments))
     if plan is not None:

@@ -8,9 +8,10 @@ from argparse import Namespace
 from pathlib import Path
 
 from friction_comp.errors import InputError
+from friction_comp.number_text import in_own_units
+from friction_comp.tables.units import signal_with_unit
 from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, check_tables, given_of, print_results
-from friction_comp.units import in_own_units, signal_with_unit
 
 
 def main(argv: list[str] | None = None) -> int:

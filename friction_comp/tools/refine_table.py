@@ -10,21 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import one_of
-from friction_comp.column_names import read_name
 from friction_comp.errors import errors_name, InputError
 from friction_comp.identification.curves import fit_steady_states, SteadyStates
+from friction_comp.number_text import in_own_units
 from friction_comp.recorded_drive.given import drive_of, figures_unit
-from friction_comp.recordings.row_groups import column_of_joints
-from friction_comp.recordings.table_base import Table
-from friction_comp.recordings.table_files import open_table
 from friction_comp.refinement import thresholds
 from friction_comp.reports.refinement_page import next_steps, Row, step_lines, table_lines
 from friction_comp.reports.small_pages import steady_state_page, steady_state_rows
 from friction_comp.statistics import rms
+from friction_comp.tables.column_names import read_name
+from friction_comp.tables.columns import Column
+from friction_comp.tables.table_files import Table
 from friction_comp.tools.common import given_of, print_results, write_results
-from friction_comp.units import in_own_units
-from friction_comp.used_columns import Column
 
 _OTHER_OPTIONS = ('model', 'urdf', 'each', 'stiffness', 'rate')
 
@@ -37,8 +34,11 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
         raise InputError(f'{path}: holds neither time nor position, only means at constant speeds: '
                          f'--{given} needs a recording')
     velocity, effort = columns
-    table = open_table(path)
-    speeds, torques = _values(table, columns, arguments.joint)
+    table = Table(path)
+    read = table.read([velocity.name, effort.name])
+    speeds, torques = (column.factor * read[column.name] for column in columns)
+    if not len(speeds):
+        raise InputError(f'{path}: has no row below its header')
     told = given_of(arguments)
     drive = drive_of(told, None)
     in_ampere = effort.dimension == 'current'
@@ -72,21 +72,6 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
         *(f'  {line}' for line in report['reasons'][1:]), '', *table_lines(table_of), '',
         *(f'note: {line}' for line in report['warnings']), '', *step_lines([
             ('look', str(arguments.output / 'report.html')), *steps])], linear), made='')
-
-
-def _values(table: Table, columns: tuple[Column, Column], joint: str | None) -> list[np.ndarray]:
-    """Return the columns in SI units, of one joint's rows where a column says whose they are."""
-    path, names = table.path, [column.name for column in columns]
-    whose = column_of_joints(table, names, None)
-    read = table.whole([*names, *([whose] if whose else [])])
-    if not len(read[names[0]]):
-        raise InputError(f'{path}: has no row below its header')
-    values = [column.factor * read[column.name] for column in columns]
-    if whose is None:
-        return values
-    joints = table.labels[whose].names
-    own = read[whose] == joints.index(one_of(joints, joint, path))
-    return [column[own] for column in values]
 
 
 def _report(fit: SteadyStates, unit: str, loads: list[str]) -> dict[str, Any]:

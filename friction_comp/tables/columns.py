@@ -1,0 +1,457 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Assigns signals and units to the columns of a table.
+
+What the user tells, the `Layout`, comes first, then the names. A column is chosen by its name and
+then has a unit, the user's, its name's or the SI unit: no unit changes the choice. Columns that are
+named like one of the user's, but for a number, are the same signal of another joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+import re
+
+import numpy as np
+
+from friction_comp.controller_effort import controller_effort
+from friction_comp.errors import InputError
+from friction_comp.tables.column_names import (
+    is_target,
+    numbers,
+    plain_name,
+    read_name,
+    Reading,
+    skeleton,
+)
+from friction_comp.tables.units import (
+    DIMENSIONS,
+    is_other_unit,
+    OTHER_UNITS,
+    parse_unit,
+    si_unit,
+    Unit,
+    unit_factor,
+    unit_of,
+)
+
+SIGNALS = tuple(DIMENSIONS)
+STATES = ('position', 'velocity', 'effort')
+"""Signals of joint states."""
+# Signals whose unit a signal takes if none is given for it.
+_SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
+              'reference_position': ('position',), 'reference_velocity': ('velocity',)}
+_MOST_NAMES = 200    # columns that a message lists
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The user's description of a table's columns, and of what no column holds.
+
+    Parameters
+    ----------
+    columns : dict of str to str
+        Signal to column; signals are time, position, velocity, effort, current, command,
+        direction, load, link_torque, temperature, reference_position and reference_velocity.
+        Columns of other signals are found by their names.
+    units : dict of str to str
+        Signal to unit, such as ``{'position': 'deg', 'time': 'ms'}``; ``counts/4096`` means encoder
+        counts, 4096 per turn, and ``2.69mA`` that one count is 2.69 mA. The default is SI units.
+        Those of position, velocity and effort count for joint states in messages, too.
+    rate : float, optional
+        Rows per second, Hz, of a table without times.
+    stiffness, damping : sequence of (float or str)
+        k_p in N·m/rad and k_d in N·m·s/rad of a position controller: numbers, or columns that hold
+        them. Effort is then k_p (target - position) - k_d velocity. One for all recordings, or one
+        for each.
+    joint : str
+        Name of the joint whose columns are given, where they do not name it.
+
+    Raises
+    ------
+    InputError
+        If a signal or a unit is not known.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    rate: float | None = None
+    stiffness: Sequence[float | str] = ()
+    damping: Sequence[float | str] = ()
+    joint: str = ''
+
+    def __post_init__(self) -> None:
+        for signal in (*self.columns, *self.units):
+            if signal not in SIGNALS:
+                raise InputError(f'there is no signal {signal!r}; signals are '
+                                 f'{", ".join(SIGNALS)}')
+        if 'effort' in self.columns and 'current' in self.columns:
+            raise InputError('columns name both effort and current: name only one of them, the '
+                             'measured one')
+        for signal, unit in self.units.items():
+            if signal != 'effort' or not is_other_unit(unit):
+                unit_factor(signal, unit)
+
+    @property
+    def of_states(self) -> dict[str, Unit]:
+        """Units of what joint states hold, if nothing else is given; else empty."""
+        units = {signal: unit for signal, text in self.units.items() if signal in STATES
+                 and (unit := unit_of(signal, text)) is not None}
+        only = len(units) == len(self.units) and not (self.columns or self.rate or self.stiffness)
+        return units if only else {}
+
+    def unit(self, signal: str) -> str:
+        """Return the unit that is given for a signal, or what it shares its unit with; or ''."""
+        return next((self.units[one] for one in (signal, *_SAME_UNIT.get(signal, ()))
+                     if one in self.units), '')
+
+    def naming(self, names: Sequence[str], where: object) -> Layout:
+        """Return the layout with a table's own names; raises InputError if one is missing."""
+        return replace(self, columns={signal: column_called(name, names, where)
+                                      for signal, name in self.columns.items()})
+
+    def gains(self, names: Sequence[str], where: object) -> tuple[float | str, ...]:
+        """Return stiffness and damping of one table, numbers or columns; empty without any."""
+        if not self.stiffness:
+            return ()
+        if max(len(self.stiffness), len(self.damping)) > 1:
+            raise InputError(f'{where}: several gains are given for one recording')
+        gains = self.stiffness[0], self.damping[0] if self.damping else 0.0
+        return tuple(column_called(gain, names, where) if isinstance(gain, str) else gain
+                     for gain in gains)
+
+    def of_recording(self, index: int, count: int) -> Layout:
+        """Return the layout of one of several recordings, with its own gains."""
+        def own(values: Sequence[float | str], name: str) -> Sequence[float | str]:
+            if len(values) not in (0, 1, count):
+                raise InputError(f'{name}: {len(values)} values for {count} recordings; give one, '
+                                 'or one for each')
+            return values[index:index + 1] if len(values) == count else values
+        return replace(self, stiffness=own(self.stiffness, 'stiffness'),
+                       damping=own(self.damping, 'damping'))
+
+
+def column_called(name: str, names: Sequence[str], where: object) -> str:
+    """Return the column of that name, or the only one that is it with a unit; else InputError."""
+    if name in names:
+        return name
+    alike = [one for one in names if plain_name(one) == name.strip().casefold()]
+    if len(alike) == 1:
+        return alike[0]
+    raise InputError(f'{where}: has no column {name!r}, but {_listed(names)}')
+
+
+@dataclass(frozen=True)
+class Column:
+    """A used column: its name, signal, joint and unit, and the factor to SI units."""
+
+    name: str
+    signal: str
+    joint: str
+    unit: str
+    factor: float
+    dimension: str = ''     # what the unit measures, such as angle; '' if it is not known
+    key: tuple[str, ...] = ()
+    stated: bool = False    # whether the unit was given, by the user or in the name
+
+    @property
+    def kind(self) -> str:
+        """The signal, effort for current."""
+        return _kind(self.signal)
+
+
+@dataclass
+class Assignment:
+    """The used columns of a table."""
+
+    columns: list[Column]
+    effort_is_current: bool     # whether efforts are in A
+    notes: list[str]            # what was guessed
+    chosen: str | None = None   # the joint whose columns the user named
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the joints; a single joint without a name is ''."""
+        return list(dict.fromkeys(c.joint for c in self.columns if c.signal == 'position'))
+
+    @property
+    def linear(self) -> bool:
+        """Whether positions are lengths: values are then in m and N."""
+        return any(c.dimension == 'length' for c in self.columns if c.signal == 'position')
+
+    def of(self, signal: str, joint: str) -> Column | None:
+        """Return the column of a joint's signal, or None; what names no joint is everyone's."""
+        shared = signal in ('time', 'temperature') or '' not in self.joints
+        return next((column for name in (joint, *([''] if shared else [])) for column in
+                     self.columns if (column.signal, column.joint) == (signal, name)), None)
+
+    def signal_in(self, table: Mapping[str, np.ndarray], signal: str, joint: str = ''
+                  ) -> np.ndarray | None:
+        """Return a joint's signal in SI units from the columns of a table, or None."""
+        column = self.of(signal, joint)
+        return None if column is None else column.factor * table[column.name]
+
+    def controller_effort(self, values: Mapping[str, np.ndarray], time: np.ndarray, joint: str,
+                          gains: Sequence[float | str]) -> np.ndarray | None:
+        """Return a joint's effort by `controller_effort`, and note how; None without a target.
+
+        `gains` are `Layout.gains`, numbers or columns.
+        """
+        target, position, velocity, rate = (
+            self.signal_in(values, signal, joint) for signal in (
+                'reference_position', 'position', 'velocity', 'reference_velocity'))
+        if target is None or position is None:
+            return None
+        stiffness, damping = (values[gain] if isinstance(gain, str) else gain for gain in gains)
+        effort, note = controller_effort(time, target, position, velocity, stiffness, damping, rate)
+        self.notes += [note] if note not in self.notes else []
+        return effort
+
+
+def assign(names: Sequence[str], layout: Layout | None, where: object, plan: bool = False
+           ) -> Assignment:
+    """Assign signals to a table's columns; `where` names the table in messages.
+
+    Columns without a name are left out. A `plan` has no effort, and its targets are positions where
+    there are no others. Raises InputError, with the way to declare it, if a column is missing or a
+    unit is not known.
+    """
+    names = [name for name in names if name]
+    layout = (layout or Layout()).naming(names, where)
+    found, own = _columns(names, layout, where, plan)
+    used = _of_joints(found, own, where)
+    signals = {column.kind for column in used}
+    needed = {'time': not layout.rate, 'position': True, 'effort': not (layout.stiffness or plan),
+              'reference_position': bool(layout.stiffness)}
+    missing = [signal for signal, wanted in needed.items() if wanted and signal not in signals]
+    if missing:
+        raise InputError(f'{where}: {_missing(missing, names, layout, signals)}')
+    used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
+    joints = {c.key: c.joint if c.key else '' for c in used if c.signal == 'position'}
+    named = layout.columns.keys() - {'time'}
+    if len(joints) == 1 and named:
+        joints = dict.fromkeys(joints, '')
+    given = next(iter(joints)) if [*joints.values()] == [''] else own if named else None
+    if layout.joint and layout.joint not in joints.values() and given is not None:
+        joints[given] = layout.joint
+    force = any(c.dimension == 'force' and c.stated for c in used if c.kind == 'effort')
+    used = [replace(c, joint=joints.get(c.key, ''), signal=c.kind) for c in used]
+    # Forces move a linear axis.
+    used = [replace(c, dimension='length', unit='m') if force and c.signal == 'position'
+            and not c.stated else c for c in used]
+    in_ampere = {c.dimension == 'current' for c in used if c.signal == 'effort'}
+    if len(in_ampere) > 1:
+        raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
+                         'of one joint with --columns')
+    if in_ampere == {True}:
+        # Without the torque constant, a commanded torque says nothing beside a current.
+        used = [c for c in used if c.signal != 'command' or c.dimension == 'current']
+    return Assignment(used, in_ampere == {True}, _notes(used, found, layout),
+                      joints.get(own, '') if named and len(joints) > 1 else None)
+
+
+def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = False
+             ) -> tuple[list[Column], tuple[str, ...]]:
+    """Return the best column for each signal of each joint, and the joint of the user's columns."""
+    told = {name: signal for signal, name in layout.columns.items()}
+    of_joint = [name for name, signal in told.items() if signal != 'time']
+    first = next((layout.columns[signal] for signal in ('position', 'effort', 'current', 'velocity')
+                  if signal in layout.columns), '')
+    # Where words differ, as in pos_read_1 and curr_1, the number is the joint.
+    by_number = bool(numbers(first)) and all(
+        numbers(name) == numbers(first) for name in of_joint) and len(
+            {read_name(name).key for name in of_joint}) > 1
+
+    def key_of(name: str) -> tuple[str, ...]:
+        reading = read_name(name)
+        return reading.key if reading.signal and not by_number else numbers(name) or reading.key
+
+    own = key_of(first)
+    named = {name: _as_named(name, signal, layout, where) for name, signal in told.items()}
+    patterns = {skeleton(name): named[name].signal for name in of_joint if skeleton(name)}
+    signals = {_kind(signal) for signal in layout.columns}
+    ranked: list[tuple[tuple[int, ...], Column]] = []
+    for place, name in enumerate(names):
+        reading, key, alike = read_name(name), key_of(name), skeleton(name) in patterns
+        if name in told:
+            key = () if told[name] == 'time' else own
+            reading = named[name]
+        elif alike:
+            reading = replace(reading, signal=patterns[skeleton(name)])
+        if alike or name in told:
+            reading = replace(reading, joint='_'.join(numbers(name)) if key == numbers(name)
+                              and key else reading.joint)
+        second = 4 if plan and reading.signal.startswith('reference_') else 0
+        if plan:
+            reading = replace(reading, signal=reading.signal.removeprefix('reference_'))
+        kind = _kind(reading.signal)
+        if not kind or (name not in told and kind in signals and key in (own, ())):
+            continue
+        column = _column(name, replace(reading, key=key), layout)
+        if column is None and name in told:
+            raise InputError(f'{where}: {_say_unit(name, reading)}')
+        if column is not None:
+            # By the name's unit, whatever the user's is.
+            other = reading.unit and unit_of(reading.signal, reading.unit) is None
+            ranked.append(((
+                name not in told, not alike, kind == 'effort' and not reading.measured,
+                bool(other), SIGNALS.index(reading.signal), reading.rank + second, place), column))
+    best: dict[tuple[str, tuple[str, ...]], Column] = {}
+    for _, column in sorted(ranked, key=lambda entry: entry[0]):
+        best.setdefault((column.kind, column.key), column)
+    return list(best.values()), own
+
+
+def _as_named(name: str, signal: str, layout: Layout, where: object) -> Reading:
+    """Return the reading of a column that the user named; only names that mean it are torques."""
+    reading = read_name(name)
+    if (signal, reading.signal) == ('effort', 'current'):
+        return reading
+    if signal == 'effort' and not (reading.torque or reading.unit or layout.unit('effort')):
+        raise InputError(f'{where}: column {name!r}: its name tells no unit: say what one of it '
+                         'is, --unit effort=N·m, or A, V, %, or 2.69mA')
+    return replace(reading, signal=signal)
+
+
+def _column(name: str, reading: Reading, layout: Layout) -> Column | None:
+    """Return a column in the unit of the layout, else of its name, else the SI unit.
+
+    It is None if the unit is not known, and the column is no effort: of that, values in a unit such
+    as V or % stay as they are.
+    """
+    signal, given = reading.signal, layout.unit(reading.signal)
+    if signal == 'current' and given and unit_of('current', given) is None:
+        signal = 'effort'   # 62N: the force of 1 A
+    text = given or reading.unit
+    unit = unit_of(signal, text) if text else None
+    if unit is None and text:
+        number, word = re.fullmatch(r'\s*([+-]?[\d.]*)\s*\*?\s*(.*)', text).groups()  # type: ignore[union-attr]
+        return None if signal not in ('effort', 'current') else Column(
+            name, 'effort', reading.joint, OTHER_UNITS.get(word.lower(), word) or text,
+            float(number) if re.search(r'\d', number) else 1.0, '', reading.key, True)
+    if unit is None:
+        default = 'N·m' if reading.torque and signal == 'command' else si_unit(signal)
+        known = unit_of(signal, default)
+        # The torque constant may make a current of an effort without a unit.
+        return Column(name, signal, reading.joint, '' if signal == 'effort' else default,
+                      1.0, known.dimension if known else '', reading.key)
+    told = parse_unit(text)
+    rate = told is not None and unit.dimension.endswith('/time') and '/' not in told.dimension
+    return Column(name, signal, reading.joint, f'{text}/s' if rate else text, unit.factor,
+                  unit.dimension, reading.key, True)
+
+
+def _kind(signal: str) -> str:
+    return 'effort' if signal == 'current' else signal
+
+
+def _of_joints(columns: Sequence[Column], own: tuple[str, ...], where: object) -> list[Column]:
+    """Return the columns of joints with position and effort, of the user's (`own`) and of none."""
+    positions = {c.key: None for c in columns if c.signal == 'position'}
+    efforts = {c.key: None for c in columns if c.kind == 'effort'}
+    if len(positions) == len(efforts) == 1:
+        # The only position and the only effort are of one joint, however they are named.
+        columns = [replace(c, key=next(iter(positions))) if c.key in efforts and (
+            c.key or c.kind == 'effort') else c for c in columns]
+        efforts = positions
+    both = {key for key in positions if key in efforts}
+    if not both and len(efforts) > 1 < len(positions):
+        raise InputError(f'{where}: which effort is of which joint? Name the columns of one with '
+                         '--columns position=NAME,effort=NAME; there are ' + _listed(
+                             [c.name for c in columns if c.kind in ('position', 'effort')]))
+    keys = {*(both or positions), own, ()}
+    # An effort that names no joint is that of any, but not beside those that name theirs.
+    loose = bool(both) and () not in both
+    return [c for c in columns if c.key in keys and not (
+        loose and not c.key and c.kind in ('position', 'effort'))]
+
+
+def without_time(names: Sequence[str], layout: Layout, where: object
+                 ) -> tuple[Column, Column] | None:
+    """Return the columns of velocity and effort of a table of steady states, else None.
+
+    Its rows are means at constant speeds, without time and position. Raises InputError if it has
+    several joints or speeds, and none is named.
+    """
+    layout = layout.naming(names, where)
+    columns, own = _columns([name for name in names if name], layout, where)
+    signals = {c.signal for c in columns}
+    if layout.rate or signals & {'time', 'position'}:
+        return None
+    # A commanded speed is that of the means where none is measured.
+    wanted = 'velocity' if 'velocity' in signals else 'reference_velocity'
+    pairs = [(speed, effort) for speed in columns if speed.signal == wanted for effort in columns
+             if effort.kind == 'effort' and (speed.key == effort.key or () in (
+                 speed.key, effort.key))]
+    told = [pair for pair in pairs if {*layout.columns.values()} & {one.name for one in pair}]
+    pairs = [pair for pair in told or pairs
+             if not layout.joint or layout.joint in (pair[0].joint, pair[1].joint)] or pairs
+    speeds = [name for name in names if read_name(name).signal == wanted]
+    if len(pairs) > 1 or (pairs and len(speeds) > 1 and 'velocity' not in layout.columns
+                          and not pairs[0][0].key):
+        raise InputError(f'{where}: which speed and which effort? Name one with --joint, or both '
+                         'with --columns velocity=NAME,effort=NAME; there are ' + _listed(
+                             [*speeds, *dict.fromkeys(pair[1].name for pair in pairs)]))
+    return pairs[0] if pairs else None
+
+
+def _missing(missing: Sequence[str], names: Sequence[str], layout: Layout, signals: set[str]
+             ) -> str:
+    """Return what is asked if signals are missing: the unit, or the command to copy."""
+    for signal in missing:
+        for name in names:
+            reading = read_name(name)
+            if reading.signal == signal and _column(name, reading, layout) is None:
+                return _say_unit(name, reading)
+    hints = {'time': ', or the rows per second with --rate HZ'}
+    if 'reference_position' in signals:
+        hints['effort'] = (', or the gains of the position controller with --stiffness and '
+                           '--damping: effort is then k_p (target - position) - k_d velocity')
+    elif 'command' in signals:
+        hints['effort'] = ', a command only if the drive is known to follow it'
+    said = ', the '.join({'effort': 'effort or current'}.get(one, one.replace('_', ' '))
+                         for one in missing)
+    verb, them = ('s are', 'them') if len(missing) > 1 else (' is', 'it')
+    return (f'which column{verb} the {said}? Name {them} with --columns '
+            f'{",".join(f"{one}=NAME" for one in missing)}'
+            f'{"".join(hints.get(one, "") for one in missing)}; there are {_listed(names)}'
+            + '; files with a signal each are joined by a plus: q.csv+tau.csv' * (len(names) < 3))
+
+
+def _say_unit(name: str, reading: Reading) -> str:
+    example = {'position': 'counts/4096 (counts in a turn), or deg',
+               'time': 'counts/100 (in a second)', 'velocity': '0.229rpm'}.get(
+                   reading.signal, si_unit(reading.signal))
+    return (f'column {name!r}: {reading.unit!r} does not tell what a {reading.signal} of 1 is: '
+            f'say it, for instance with --unit {reading.signal}={example}')
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ', '.join(map(repr, names[:_MOST_NAMES])) + (
+        f' and {len(names) - _MOST_NAMES} more' if len(names) > _MOST_NAMES else '')
+
+
+def _notes(used: Sequence[Column], found: Sequence[Column], layout: Layout) -> list[str]:
+    """Return notes: what was guessed, asked for instead of measured, and left out."""
+    named = layout.columns.values()
+    # A column named after its signal is not a guess; those of siblings need no line of their own.
+    alike: dict[tuple[str, str, str], list[Column]] = {}
+    for c in used:
+        if c.name not in named and c.name.lower() != f'{c.joint}.{c.signal}'.strip('.').lower():
+            alike.setdefault((c.signal, c.unit, skeleton(c.name) or c.name), []).append(c)
+    guesses = ', '.join(
+        f'{first.joint}.{first.signal}'.lstrip('.') + f'={first.name}'
+        + f' in {first.unit}' * bool(first.unit) + f' and {len(others)} alike' * bool(others)
+        for first, *others in alike.values())
+    keys, names = {c.key for c in used if c.signal == 'position'}, {c.name for c in used}
+    idle = [c.name for c in found if c.key not in keys and c.name not in names]
+    return [
+        *([f'columns guessed from their names: {guesses} (override with --columns and --unit)']
+          if guesses else []),
+        *(f'{c.name}: by its name an effort that was asked for, not measured: friction is in it '
+          'only if the drive gives just this' for c in used
+          if c.name in named and c.signal == 'effort' and is_target(c.name)),
+        *([f'{", ".join(idle)}: left out, since no position and effort belong to it'
+           if len(idle) < 9 else f'{len(idle)} columns are left out, since they are of no joint '
+           'with position and effort'] if idle else [])]

@@ -1,0 +1,471 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Files of tables as columns of numbers: what NumPy, SciPy, h5py and pyarrow give, by name.
+
+Matrices have columns NAME_1 and so on, lists in cells NAME[0], groups and structs a point, as in
+``log.joint.q``. Arrays of another length than most, or than those that are named, are left out.
+"""
+
+from __future__ import annotations
+
+import codecs
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+import csv
+import io
+from itertools import chain, islice
+from pathlib import Path
+import re
+from typing import Any
+
+import numpy as np
+
+from friction_comp.errors import InputError, one_line
+from friction_comp.files import (
+    check_input,
+    check_unpacked,
+    library_for,
+    open_input,
+    parse_json,
+    read_text,
+    Unpacked,
+    write_atomically,
+)
+from friction_comp.tables.column_names import read_name
+from friction_comp.tables.units import OTHER_UNITS, parse_unit
+
+Columns = dict[str, np.ndarray]
+TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.h5',
+          '.hdf5', '.json', '.jsonl')
+"""Suffixes of table files."""
+# Most values of the used columns, which take 8 bytes each; the longest line, in characters; rows
+# that are parsed at once, and lines in which the header is looked for.
+_MOST_VALUES, _LONGEST, _ROWS, _FIRST = 60_000_000, 4_000_000, 100_000, 200
+_MISSING = {'', '-', 'nan', 'na', 'n/a', 'null', 'none'}
+_NUMBER = re.compile(r'\s*[-+]?(\d[\d.,]*|[.,]\d+)(e[-+]?\d+)?\s*', re.IGNORECASE)
+_LIST = re.compile(r'\s*[\[(](.*)[\])]\s*', re.DOTALL)
+_DATE = re.compile(r'(\d{4}-\d\d-\d\d)?[T ]?((\d\d?):(\d\d):(\d\d(?:[.,]\d+)?))?'
+                   r'\s*(?:Z|([+-])(\d\d):?(\d\d))?')
+
+
+def is_table(path: Path) -> bool:
+    """Return whether a file is a table, or several files one, judging by the name."""
+    return path.name.lower().endswith(TABLES)
+
+
+def parts_of(path: Path) -> list[Path]:
+    """Return the files of a table: several if their names are joined by a plus."""
+    parts = [Path(part) for part in str(path).split('+')]
+    return parts if len(parts) > 1 and all(map(is_table, parts)) else [path]
+
+
+class Table:
+    """A table: the `names` of its columns, of which those that are wanted are read as floats.
+
+    Raises InputError if the file, or what it holds, is no table. `notes` say what is left out.
+    """
+
+    def __init__(self, path: Path, named: Sequence[str] = ()) -> None:
+        self.path, self.notes = path, list[str]()
+        parts, name = parts_of(path), path.name.lower()
+        try:
+            if len(parts) > 1:
+                self._use(_joined(parts), named)
+            elif name.endswith('.parquet'):
+                self._parquet()
+            elif load := next((own for suffix, own in _LOADERS.items() if name.endswith(suffix)),
+                              None):
+                self._use(dict(_flat('', load(check_input(path)))), named)
+            else:
+                self._text = _Text(path)
+                self.names, self._read = self._text.names, self._text.read
+                self.notes += self._text.notes
+        except InputError:
+            raise
+        except Exception as error:
+            raise InputError(f'{path}: not a readable table: {one_line(error)}') from None
+
+    def read(self, wanted: Sequence[str]) -> Columns:
+        """Return columns as floats of one length, dates in s."""
+        try:
+            return self._read(list(dict.fromkeys(wanted)))
+        except InputError:
+            raise
+        except Exception as error:
+            raise InputError(f'{self.path}: not a readable table: {one_line(error)}') from None
+
+    def _use(self, columns: Columns, named: Sequence[str]) -> None:
+        """Use arrays as long as the `named` ones, or else as most; numbers hold for all rows."""
+        lengths = Counter(len(values) for values in columns.values() if values.ndim)
+        own = [len(columns[name]) for name in named if name in columns and columns[name].ndim]
+        size = own[0] if own else max(lengths, key=lambda length: (lengths[length], length),
+                                      default=1)
+        self.names = [name for name, values in columns.items()
+                      if not values.ndim or len(values) == size]
+        if left := [name for name in columns if name not in self.names]:
+            self.notes.append(f'{", ".join(left[:9])}: left out, not of {size} values')
+        if not self.names:
+            raise InputError(f'{self.path}: holds no table of numbers; objects of MATLAB and '
+                             'workbooks are saved as CSV first')
+        self._read = lambda wanted: {
+            name: np.broadcast_to(to_numbers(columns[name], name, self.path), size)
+            for name in wanted}
+
+    def _parquet(self) -> None:
+        pyarrow = library_for(self.path, 'pyarrow.parquet', 'parquet', 'Parquet files')
+        file = pyarrow.parquet.ParquetFile(check_input(self.path))
+        sizes = file.metadata
+        check_unpacked(self.path, sum(
+            sizes.row_group(k).total_byte_size for k in range(sizes.num_row_groups)),
+            self.path.stat().st_size)
+        places: dict[str, tuple[Any, int | None]] = {}
+        first = next(file.iter_batches(batch_size=1), None)
+        for field in file.schema_arrow:
+            items = first.column(field.name)[0].as_py() if (
+                first is not None and hasattr(field.type, 'value_type')) else None
+            places.update(_places(field.name, field.name, len(items or ())))
+        self.names = list(places)
+
+        def read(wanted: list[str]) -> Columns:
+            _check_size(self.path, sizes.num_rows, len(wanted))
+            table = file.read(list(dict.fromkeys(places[name][0] for name in wanted)))
+            columns = {}
+            for name in wanted:
+                values, item = table.column(places[name][0]), places[name][1]
+                own = values.to_numpy() if item is None else np.array([
+                    row[item] if row and len(row) > item else np.nan for row in values.to_pylist()])
+                columns[name] = to_numbers(own, name, self.path)
+            return columns
+        self._read = read
+
+
+class _Text:
+    """A text file with a row a line; header, separator and decimal mark are those of its lines."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.notes = path, list[str]()
+        first = list(islice(self._lines(), _FIRST))
+        if not first:
+            raise InputError(f'{path}: is empty')
+        late = first[3 * len(first) // 4]
+        self._mark = next((mark for mark in '\t;,' if mark in late), None)
+        rows = list(self._rows(iter(first)))
+        late_row = rows[3 * len(rows) // 4]
+        # The names stand above the first row with numbers where rows have them, and are as many.
+        own = [k for k, cell in enumerate(late_row) if _is_number(cell)]
+        begin = next((k for k, row in enumerate(rows) if len(row) > max(own, default=0) and all(
+            _is_number(row[i]) or _is_missing(row[i]) for i in own) and any(
+                _is_number(row[i]) for i in own)), len(rows))
+        rows = [row[0].split() if len(row) == 1 and k < begin else row
+                for k, row in enumerate(rows)]
+        names, body = [], rows[begin:]
+        if begin and _width(rows[begin - 1]) >= _width(late_row):
+            names = [cell.strip() for cell in rows[begin - 1]]
+            units = [cell.strip('[]()- ') for cell in names]
+            known = [bool(parse_unit(unit)) or unit.lower() in OTHER_UNITS for unit in units]
+            if begin > 1 and len(rows[begin - 2]) == len(names) and sum(known) * 2 >= len(
+                    [*filter(None, units)]) > 0:
+                # A line of units below the names; one that is not known is asked for.
+                names = [f'{name.strip()} [{unit}{"" if one else "?"}]' if unit else name.strip()
+                         for name, unit, one in zip(rows[begin - 2], units, known)]
+        names = names or [str(k + 1) for k in range(max(map(_width, body), default=0))]
+        self._skip = begin
+        count = Counter(filter(None, names))
+        if doubled := [name for name in count if count[name] > 1]:
+            self.notes.append('left out, since several columns have this name: '
+                              + ', '.join(map(repr, doubled)))
+        self._places: dict[str, tuple[Any, int | None]] = {}
+        for k, name in enumerate(names):
+            items = next((_items(row[k]) for row in body if k < len(row) and _items(row[k])), [])
+            if count[name] == 1:
+                self._places.update(_places(name, k, len(items)))
+        self.names = list(self._places)
+        cells = [cell for row in body for cell in row if _is_number(cell)]
+        self._comma = self._mark != ',' and not any('.' in cell for cell in cells) and any(
+            ',' in cell for cell in cells)
+        if self._comma and all(re.fullmatch(r'\s*[-+]?[1-9]\d{0,2}(,\d{3})+\s*', cell)
+                               for cell in cells if ',' in cell):
+            raise InputError(f'{path}: is the comma in numbers such as '
+                             f'{next(cell for cell in cells if "," in cell)} a decimal mark, or of '
+                             'thousands? Write them with points, or without it')
+
+    def _lines(self) -> Iterator[str]:
+        """Yield the lines that are neither empty nor comments, but for the first."""
+        with open_input(self.path) as file:
+            packed = self.path.name.lower().endswith('.gz')
+            stream: Any = io.BufferedReader(Unpacked(self.path, file)) if packed else file
+            head = stream.read(1 << 16) if packed else file.read(1 << 16)
+            encoding = _encoding(head)
+            if b'\0' in head and encoding != 'utf-16':
+                raise InputError(f'{self.path}: not a text file')
+            if packed:
+                file.seek(0)
+                stream = io.BufferedReader(Unpacked(self.path, file))
+            else:
+                file.seek(0)
+            text = io.TextIOWrapper(stream, encoding=encoding, errors='replace', newline='')
+            begun = False
+            while line := text.readline(_LONGEST):
+                if len(line) == _LONGEST:
+                    raise InputError(f'{self.path}: a line has more than {_LONGEST} characters')
+                if line[0] in '#%' and not begun:
+                    line = line.lstrip('#% ')   # numpy.savetxt writes the header as a comment
+                if line.strip() and line[0] not in '#%' and not (
+                        len(line) < 9 and line.lower().startswith('sep=')):
+                    begun = begun or bool(re.match(r'\s*[-+\d.]', line))
+                    yield line
+
+    def _rows(self, lines: Iterator[str]) -> Iterator[list[str]]:
+        """Yield the cells of each row; a quoted cell may hold separators and ends of lines."""
+        return (line.split() for line in lines) if self._mark is None else csv.reader(
+            lines, delimiter=self._mark, skipinitialspace=True)
+
+    def read(self, wanted: list[str]) -> Columns:
+        places = [self._places[name] for name in wanted]
+        lines, parts = self._lines(), list[np.ndarray]()
+        next(islice(lines, self._skip - 1, self._skip), None) if self._skip else None
+        size, plain = 0, all(item is None for _, item in places)
+        while block := list(islice(lines, _ROWS)) if plain else []:
+            try:
+                if self._comma and any('.' in line for line in block):
+                    raise ValueError('points beside decimal commas')
+                parts.append(np.loadtxt([line.replace(',', '.') for line in block] if self._comma
+                                        else block, delimiter=self._mark, ndmin=2, comments=None,
+                                        quotechar='"', usecols=[k for k, _ in places]))
+            except ValueError:
+                # Cells are missing, or no numbers.
+                lines, plain = chain(block, lines), False
+            size += len(block) * plain
+            _check_size(self.path, size, len(wanted))
+        rows = self._rows(lines)
+        while cells := list(islice(rows, _ROWS)):
+            size += len(cells)
+            _check_size(self.path, size, len(wanted))
+            parts.append(np.column_stack([
+                self._numbers([row[k] if k < len(row) else '' for row in cells], item, name)
+                for (k, item), name in zip(places, wanted)]))
+        whole = np.concatenate(parts) if parts else np.empty((0, len(wanted)))
+        return dict(zip(wanted, whole.T))
+
+    def _numbers(self, cells: list[str], item: int | None, name: str) -> np.ndarray:
+        if item is not None:
+            cells = [items[item] if item < len(items := _items(cell)) else '' if items else cell
+                     for cell in cells]
+        elif self._comma:
+            if wrong := next((cell for cell in cells if '.' in cell and _is_number(cell)), ''):
+                raise InputError(f'{self.path}: column {name!r}: {wrong!r} has a point where '
+                                 'other numbers have a comma: write one of them')
+            cells = [cell.replace(',', '.') for cell in cells]
+        return to_numbers(np.array(cells), name, self.path)
+
+
+def _encoding(head: bytes) -> str:
+    """Return the encoding: with a wrong one, the ° and µ of units would be lost."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return 'utf-16'
+    try:
+        codecs.getincrementaldecoder('utf-8')().decode(head)
+    except UnicodeDecodeError:
+        return 'cp1252'
+    return 'utf-8-sig'
+
+
+def _is_number(cell: str) -> bool:
+    return bool(_NUMBER.fullmatch(cell)) or bool(_items(cell)) or cell.strip(' +-').lower() in (
+        'nan', 'inf')
+
+
+def _items(cell: str) -> list[str]:
+    """Return the numbers of a list as Python or NumPy prints it, as text; empty if it is none."""
+    match = _LIST.fullmatch(cell)
+    items = match[1].replace(',', ' ').split() if match else []
+    return items if all(_NUMBER.fullmatch(item) or item == 'nan' for item in items) else []
+
+
+def _places(name: str, column: Any, items: int) -> dict[str, tuple[Any, int | None]]:
+    """Return where values of a column are, or of the items of its lists, by their names."""
+    return {f'{name}[{k}]': (column, k) for k in range(items)} if items else {name: (column, None)}
+
+
+def _is_missing(cell: str) -> bool:
+    return cell.strip().lower() in _MISSING
+
+
+def _width(cells: Sequence[str]) -> int:
+    """Return the number of cells without the empty ones at the end."""
+    return max((k for k, cell in enumerate(cells, 1) if cell.strip()), default=0)
+
+
+def _check_size(path: Path, rows: int, columns: int) -> None:
+    if rows * columns > _MOST_VALUES:
+        raise InputError(f'{path}: more than {_MOST_VALUES:,} values in {columns} columns: give a '
+                         'part of it at a time')
+
+
+def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
+    """Return a column as floats, dates in s; raises InputError if its values are neither."""
+    if values.dtype.kind == 'M':
+        return np.where(np.isnat(values), np.nan, values.astype('M8[ns]').astype(np.int64) * 1e-9)
+    if values.dtype.kind == 'm':
+        return values / np.timedelta64(1, 's')
+    if values.dtype.kind == 'b':
+        raise InputError(f'{where}: column {name!r} holds true and false, not numbers')
+    if values.dtype.kind in 'OSU':
+        values = np.array([
+            'nan' if value is None or _is_missing(str(value)) else str(value).strip()
+            for value in values.ravel()], dtype=str)
+    try:
+        return values.astype(float)
+    except (TypeError, ValueError):
+        return np.array([_date_in_seconds(str(value), name, where) for value in values])
+
+
+def _date_in_seconds(text: str, name: str, where: object) -> float:
+    """Return an ISO 8601 date as s since 1970, and a time of the day as s since midnight."""
+    try:
+        return float(text)
+    except ValueError:
+        match = _DATE.fullmatch(text)
+    if not match or not (match[1] or match[2]):
+        hint = ', nor a date such as 2026-03-04T09:59:50.5' * (read_name(name).signal == 'time')
+        raise InputError(f'{where}: column {name!r}: {text!r} is not a number{hint}')
+    day, clock, hours, minutes, seconds, sign, *zone = match.groups()
+    time = float(np.datetime64(day, 's').astype(np.int64)) if day else 0.0
+    if clock:
+        time += 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(',', '.'))
+    ahead = 60.0 * (60.0 * int(zone[0]) + int(zone[1])) if sign else 0.0
+    return time - (ahead if sign == '+' else -ahead)
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield named columns of nested mappings, structs, arrays and lists of records."""
+    if isinstance(value, list) and value and isinstance(value[0], Mapping):
+        for key in value[0]:
+            yield from _flat(key, [row.get(key) for row in value if isinstance(row, Mapping)])
+        return
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _flat(f'{name}.{key}'.lstrip('.'), inner)
+        return
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        return      # rows of different lengths
+    if array.dtype.names:
+        for key in array.dtype.names:
+            own = array[key]
+            yield from _flat(f'{name}.{key}'.lstrip('.'), own.item() if own.size == 1 else
+                             own.squeeze())
+    elif array.dtype.kind in 'biufM' or (array.dtype.kind in 'OU' and array.ndim == 1):
+        array = array.ravel() if array.ndim == 2 and 1 in array.shape else array
+        if array.ndim == 2:
+            # A row for each time: there are more times than joints.
+            array = array if array.shape[0] >= array.shape[1] else array.T
+            yield from ((f'{name}_{k + 1}'.lstrip('_'), column)
+                        for k, column in enumerate(array.T))
+        elif array.ndim < 2:
+            yield name or '1', array
+
+
+def _numpy(path: Path) -> Any:
+    try:
+        # Packed arrays are read one by one, each no larger than the file could hold.
+        if path.suffix.lower() == '.npz':
+            import zipfile
+
+            with zipfile.ZipFile(path) as file:
+                check_unpacked(path, sum(item.file_size for item in file.infolist()),
+                               path.stat().st_size)
+        loaded = np.load(path, allow_pickle=False)
+    except ValueError:
+        # NumPy asks to trust whatever it does not know.
+        raise InputError(f'{path}: not a NumPy file of numbers') from None
+    return loaded if isinstance(loaded, np.ndarray) else dict(loaded)
+
+
+def _mat(path: Path) -> Any:
+    with open_input(path) as file:
+        if b'HDF' in file.read(1024):
+            return _hdf5(path)
+    from scipy.io import loadmat
+
+    return {name: value for name, value in loadmat(path, squeeze_me=True).items()
+            if not name.startswith('__') and type(value).__name__ != 'MatlabOpaque'}
+
+
+def _hdf5(path: Path) -> Columns:
+    found: Columns = {}
+
+    def add(name: str, item: Any) -> None:
+        # Links are not visited; datasets in other files, and of MATLAB's objects, are left out.
+        if getattr(item, 'dtype', None) is None or item.dtype.kind not in 'biuf' or (
+                item.ndim > 2 or not item.size or '#' in name or item.external or item.is_virtual
+                or 'MATLAB_object_decode' in item.attrs or (
+                    item.ndim == 2 and min(item.shape) > 64)):
+            return
+        check_unpacked(path, item.size * item.dtype.itemsize, path.stat().st_size)
+        _check_size(path, item.size, 1)
+        found[name.replace('/', '.')] = item[()]
+    with library_for(path, 'h5py', 'hdf5', 'HDF5 files').File(path, 'r') as file:
+        file.visititems(add)
+    return found
+
+
+def _json(path: Path) -> Any:
+    text = read_text(path)
+    if path.name.lower().endswith('.jsonl'):
+        return [parse_json(line, path) for line in text.splitlines() if line.strip()]
+    return parse_json(text, path)
+
+
+_LOADERS: dict[str, Callable[[Path], Any]] = {
+    '.npz': _numpy, '.npy': _numpy, '.mat': _mat, '.h5': _hdf5, '.hdf5': _hdf5, '.json': _json,
+    '.jsonl': _json}
+
+
+def _joined(parts: Sequence[Path]) -> Columns:
+    """Return the columns of files with a signal each, named after it, at the times of all."""
+    tables = []
+    for part in parts:
+        table = Table(part)
+        columns = table.read(table.names)
+        own = [name for name in columns if not read_name(name).signal]
+        stem = part.name.split('.')[0]
+        tables.append({(f'{stem}_{own.index(name) + 1}' if len(own) > 1 else stem)
+                       if name in own else name: values for name, values in columns.items()})
+    clocks = [next((name for name in table if read_name(name).signal == 'time'), '')
+              for table in tables]
+    times = [table[clock] for table, clock in zip(tables, clocks) if clock]
+    if len(times) < len(tables) or all(np.array_equal(times[0], time) for time in times):
+        return {name: values for table in reversed(tables) for name, values in table.items()}
+    every, whole, begin = np.concatenate(times), dict[str, np.ndarray](), 0
+    order = np.argsort(every, kind='stable')
+    for columns, clock in zip(tables, clocks):
+        rows = slice(begin, begin := begin + len(columns[clock]))
+        for name in columns.keys() - {clock}:
+            whole[name] = np.full(len(every), np.nan)
+            whole[name][rows] = columns[name]
+    return {name: values[order] for name, values in {clocks[0]: every, **whole}.items()}
+
+
+def to_csv(columns: Mapping[str, np.ndarray], digits: int) -> str:
+    """Return columns as CSV with some significant digits, the first, times in s, to the ns."""
+    stream = io.StringIO()
+    np.savetxt(stream, np.column_stack(list(columns.values())), delimiter=',', comments='',
+               header=','.join(columns), fmt=['%.9f', *[f'%.{digits}g'] * (len(columns) - 1)])
+    return stream.getvalue()
+
+
+def write_columns(path: Path, columns: Columns) -> None:
+    """Write columns as CSV, Parquet or npz; raises InputError if it cannot."""
+    stream, name = io.BytesIO(), path.name.lower()
+    if name.endswith('.npz'):
+        np.savez_compressed(stream, **columns)  # type: ignore[arg-type] # its allow_pickle
+    elif name.endswith('.parquet'):
+        arrow = library_for(path, 'pyarrow.parquet', 'parquet', 'Parquet files')
+        arrow.parquet.write_table(arrow.table(columns), stream)
+    elif name.endswith('.csv'):
+        stream.write(to_csv(columns, 12).encode())
+    else:
+        raise InputError(f'{path}: a table is .csv, .parquet or .npz')
+    write_atomically(path, stream.getvalue())

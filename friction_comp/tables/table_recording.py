@@ -1,0 +1,363 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A table as samples: units that cannot be are refused, times put in order, rows made whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from friction_comp.checks import one_of
+from friction_comp.controller_effort import load_behind_gear
+from friction_comp.errors import errors_name, InputError
+from friction_comp.facts.motion import not_in_radians, turns_of
+from friction_comp.facts.recorded import implausible, tidied
+from friction_comp.facts.timing import gap_length, not_in_seconds, rhythm, unit_for
+from friction_comp.samples import JointStates, RecordingInfo, Samples
+from friction_comp.tables.columns import assign, Assignment, Column, Layout
+from friction_comp.tables.table_files import Columns, is_table, parts_of, Table, to_numbers
+from friction_comp.trajectory import Trajectory
+
+_SIGNALS = ('position', 'velocity', 'effort', 'command', 'direction', 'load', 'temperature',
+            'reference_position', 'reference_velocity')
+# Units to name where values are not in SI units.
+_EXAMPLES = {'position': 'position=deg, turn, counts/4096 (counts in a turn) or rad',
+             'velocity': 'velocity=0.229rpm, deg/s or rad/s',
+             'effort': 'effort=2.69mA, counts or N·m'}
+_HELD = ('command', 'direction')    # signals that hold their value until the next
+_RAW = 50       # fewest rows of whole numbers that are no coincidence
+_WHOLE = 0.5    # share of the rows of the rarer of position and effort that hold the other, too
+_MOVED = 0.01   # a joint whose position covers more, rad or m, moved
+
+
+class TableRecording:
+    """The joints of a table.
+
+    Parameters
+    ----------
+    path : Path
+        Names the table in messages.
+    layout : Layout, optional
+        Columns and units that the user declares.
+    frame : mapping of str to array_like, optional
+        Columns, instead of those of the file.
+
+    Raises
+    ------
+    InputError
+        If the table or a column cannot be used.
+    """
+
+    def __init__(self, path: Path, layout: Layout | None = None, frame: Any = None) -> None:
+        self.path, self._layout = path, layout or Layout()
+        if frame is None:
+            table = Table(path, [*self._layout.columns.values()])
+            names, self._read, notes = table.names, table.read, table.notes
+        else:
+            names = [str(n) for n in (frame.columns if hasattr(frame, 'columns') else frame)]
+            self._read, notes = (lambda wanted: {
+                name: to_numbers(np.asarray(frame[name]), name, path) for name in wanted}), []
+        try:
+            self._use = assign(names, layout, path)
+        except InputError as error:
+            raise InputError('; '.join((str(error), *notes))) from None
+        self._use.notes += notes
+        self._gains = self._layout.gains(names, path)
+        self._columns: Columns = {}
+        self._time = np.empty(0)
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the joints; a single joint without a name is ''."""
+        return self._use.joints
+
+    @property
+    def choices(self) -> list[str]:
+        """Names of the joints that may be read; one if the user named its columns."""
+        return self._use.joints if self._use.chosen is None else [self._use.chosen]
+
+    def scans(self) -> Iterator[TableRecording]:
+        """Yield the table, as the reader of a bag yields its parts."""
+        yield self
+
+    def chosen(self, joint: str | None) -> tuple[TableRecording, str | None]:
+        """Return the table, and the name of a joint in it."""
+        return self, joint
+
+    def samples(self, joint: str | None = None, torque_per_current: float = 1.0
+                ) -> tuple[Samples, RecordingInfo]:
+        """Return the samples of one joint, the only one by default.
+
+        `torque_per_current` is k_t · n in N·m/A. Raises InputError if the joint is not clear or not
+        in the table, or if its values are none of a joint.
+        """
+        use = self._use
+        self._load()
+        joint = use.chosen if joint is None else joint
+        key = '' if use.joints == [''] else one_of(use.joints, joint, self.path)
+        time, notes = self._time, list[str]()
+        signals = self._signals(key, notes)
+        notes[:0] = use.notes
+        effort = use.of('effort', key)
+        scale = 1.0 if use.effort_is_current else torque_per_current
+        signals['current'] = signals.pop('effort') / scale
+        command = use.of('command', key)
+        if command is not None and command.dimension != 'current':
+            signals['command'] = signals['command'] / torque_per_current
+        velocity = signals.get('velocity')
+        needed = np.isfinite(time) & np.isfinite(signals['position'] + signals['current'])
+        if not needed.any():
+            raise InputError(f'{self.path}: no row has time, position and effort')
+        if velocity is not None and np.isfinite(velocity[needed]).mean() < 0.5:
+            del signals['velocity']
+        elif velocity is not None:
+            needed &= np.isfinite(velocity)
+        rows = np.flatnonzero(needed)
+        fresh = np.diff(time[rows], prepend=-np.inf) > 0.0
+        for reason, count in (('not finite', len(time) - len(rows)),
+                              ('the time of the row before', np.count_nonzero(~fresh))):
+            notes += [f'{count} rows left out: {reason}'] if count else []
+        rows = rows[fresh]
+        start = float(time[rows[0]])
+        samples = Samples(time[rows] - start, joint=joint or key, **{
+            name: values[rows] for name, values in signals.items()})
+        samples, kept = tidied(samples, notes)
+        _, gaps, longest, before = rhythm(samples.time)
+        if gaps:
+            notes.append(f'{gaps} gaps, the longest of {longest:.3g} s after {before:.3f} s')
+        others = [own[np.isfinite(own)] for name in use.joints if name != key
+                  and (own := self._of('position', name)) is not None]
+        alone = not any(len(own) and np.ptp(own) > _MOVED for own in others)
+        if fault := implausible(samples, alone):
+            raise InputError(f'{self.path}: ' + f'joint {joint!r}: ' * bool(joint) + fault)
+        return samples, RecordingInfo(
+            self.path, joint or key, start=start, stamps=time - start, rows=rows[kept], notes=notes,
+            effort_is_current=use.effort_is_current, linear=use.linear, assumed=self._assumed(),
+            effort_unit=effort.unit if effort is not None and not effort.dimension else '')
+
+    def _of(self, signal: str, joint: str) -> np.ndarray | None:
+        return self._use.signal_in(self._columns, signal, joint)
+
+    def _signals(self, joint: str, notes: list[str]) -> dict[str, Any]:
+        """Return the signals of a joint in SI units, effort as it is."""
+        use = self._use
+        signals: dict[str, Any] = {name: own for name in _SIGNALS
+                                   if (own := self._of(name, joint)) is not None}
+        if self._gains and 'effort' not in signals:
+            signals['effort'] = use.controller_effort(self._columns, self._time, joint, self._gains)
+        for name in _HELD:
+            if name in signals and (known := np.flatnonzero(np.isfinite(signals[name]))).size:
+                last = np.searchsorted(known, np.arange(len(self._time)), side='right') - 1
+                signals[name] = np.where(last < 0, 0.0, signals[name][known[np.maximum(last, 0)]])
+        if 'direction' in signals:
+            given = signals['direction']
+            signals['direction'] = np.where(np.isin(given, (-1, 1)), given, 0).astype(int)
+        column = use.of('effort', joint)
+        load = load_behind_gear(
+            signals['effort'], self._of('link_torque', joint),
+            column is None or column.dimension in ('torque', 'force'), notes)
+        if load is not None:
+            signals.setdefault('load', load)
+        return signals
+
+    def _load(self) -> None:
+        """Read the columns once, with times in order, and rows that hold position and effort."""
+        if self._columns:
+            return
+        use, layout = self._use, self._layout
+        columns = self._read([*(column.name for column in use.columns),
+                              *(gain for gain in self._gains if isinstance(gain, str))])
+        size = len(next(iter(columns.values())))
+        if not size:
+            raise InputError(f'{self.path}: has no row below its header')
+        if layout.rate:
+            time = np.arange(size) / layout.rate
+        else:
+            column = use.of('time', '')
+            assert column is not None
+            _check_times(column, columns[column.name], self.path)
+            time = column.factor * columns[column.name]
+        for column in list(use.columns):
+            fault, example = _unit_fault(column, columns[column.name])
+            said = f'column {column.name!r} {fault}'
+            if fault and column.signal == 'velocity':
+                use.columns.remove(column)
+                use.notes.append(f'{said} without a unit: not used (--unit {example})')
+            elif fault:
+                raise InputError(f'{self.path}: {said}: give its unit, --unit {example}')
+        columns, time = _in_order(columns, time, use.notes)
+        self._columns, self._time = _whole_rows(columns, time, use)
+
+    def _assumed(self) -> tuple[str, ...]:
+        """Return the SI units that are taken for granted, where neither name nor user says any."""
+        length = self._use.linear
+        units = {'position': 'm' if length else 'rad', 'velocity': 'm/s' if length else 'rad/s',
+                 'effort': 'A' if self._use.effort_is_current else 'N' if length else 'N·m',
+                 'time': 's'}
+        found = {signal: [c.name for c in self._use.columns if c.signal == signal and not c.stated]
+                 for signal in units}
+        return tuple(f'{names[0]}{" and alike" * (len(names) > 1)} in {units[signal]}'
+                     for signal, names in found.items() if names)
+
+
+def _check_times(column: Column, values: np.ndarray, where: object) -> None:
+    """Raise InputError for times that are not in the unit that is given or assumed."""
+    values = np.sort(values[np.isfinite(values)])
+    if not values.size:
+        raise InputError(f'{where}: column {column.name!r} holds no time')
+    if fault := not_in_seconds(values, column.factor, column.stated):
+        unit = unit_for(values)
+        raise InputError(f'{where}: column {column.name!r} {fault}: give its unit, for instance '
+                         f'--unit time={unit}' + ', or time=s' * (unit != 's')
+                         + ', or the rows per second with --rate')
+
+
+def _unit_fault(column: Column, values: np.ndarray) -> tuple[str, str]:
+    """Return what tells that values without a unit are not in SI units, and an example; or ''."""
+    if column.stated or column.signal not in _EXAMPLES:
+        return '', ''
+    values = values[np.isfinite(values)]
+    fault = not_in_radians(values) if column.signal == 'position' else ''
+    if not fault and len(values) >= _RAW and len(np.unique(values[:100_000])) > 3 and (
+            values == np.round(values)).all():
+        fault = 'holds whole numbers'
+    return fault, _EXAMPLES[column.signal]
+
+
+def _in_order(columns: Columns, time: np.ndarray, notes: list[str]) -> tuple[Columns, np.ndarray]:
+    """Return columns and times, s, sorted; where times begin anew, they go on after a pause."""
+    steps = np.diff(time[np.isfinite(time)])
+    back = steps < 0.0
+    if not back.any():
+        return columns, time
+    if back.mean() < 0.01 and np.isfinite(time).all() and (
+            np.diff(np.flatnonzero(back), prepend=-20) >= 20).all():
+        notes.append(f'times begin anew {np.count_nonzero(back)} times, as of episodes: no motion '
+                     'is taken to be between them')
+        pause = 1.0 + gap_length(steps[steps > 0.0])
+        later = np.cumsum(np.where(back, pause - steps, 0.0))
+        return columns, time + np.concatenate(([0.0], later))
+    notes.append('rows are in no order of time: sorted')
+    order = np.argsort(time, kind='stable')
+    return {name: values[order] for name, values in columns.items()}, time[order]
+
+
+def _whole_rows(columns: Columns, time: np.ndarray, use: Assignment) -> tuple[Columns, np.ndarray]:
+    """Return columns and times, s, of the rows that hold the rarer of position and effort.
+
+    The others are interpolated to them, where these are mostly in other rows: so logs of several
+    topics are written. Nothing is interpolated over gaps.
+    """
+    pairs = [(effort.name, position.name) for joint in use.joints
+             if (effort := use.of('effort', joint)) and (position := use.of('position', joint))]
+    known = {name: np.isfinite(columns[name] + time) for pair in pairs for name in pair}
+    if all((known[one] & known[other]).sum() > _WHOLE * min(known[one].sum(), known[other].sum())
+           for one, other in pairs) or not all(rows.any() for rows in known.values()):
+        return columns, time
+    rarest = min(known, key=lambda name: int(known[name].sum()))
+    use.notes.append(f'rows hold few values each: those with {rarest} are used, the others are '
+                     'interpolated to their times')
+    at = time[known[rarest]]
+    held = {c.name for c in use.columns if c.signal in _HELD}
+    wraps = {c.name: 2.0 * np.pi / abs(c.factor) for c in use.columns
+             if c.signal in ('position', 'reference_position') and c.dimension == 'angle'}
+    return {name: values[known[rarest]] if name in held else _interpolated(
+        values, time, at, wraps.get(name, 0.0)) for name, values in columns.items()}, at
+
+
+def _interpolated(values: np.ndarray, time: np.ndarray, at: np.ndarray, turn: float) -> np.ndarray:
+    """Return values at other times; NaN in gaps and beyond the ends; a single value is constant."""
+    rows = np.flatnonzero(np.isfinite(values + time))
+    if len(rows) < 2:
+        return np.full(len(at), values[rows[0]] if len(rows) else np.nan)
+    own, given = time[rows], values[rows]
+    if turn:
+        given = given + turn * turns_of(own, given, turn)
+    after = np.searchsorted(own, at).clip(1, len(own) - 1)
+    hole = (own[after] - own[after - 1] > gap_length(np.diff(own))) & ~np.isin(at, own)
+    return np.where(hole | (at < own[0]) | (at > own[-1]), np.nan, np.interp(at, own, given))
+
+
+def read_frame(frame: Any, layout: Layout | None = None, torque_constant: float = 1.0,
+               gear_ratio: float = 1.0, joint: str | None = None, notes: list[str] | None = None
+               ) -> Samples:
+    """Return samples from a pandas or polars data frame, or a dictionary of arrays.
+
+    Parameters
+    ----------
+    frame : DataFrame or dict of str to array_like
+    layout : Layout, optional
+        Columns and units of signals; others are guessed from the names of the columns.
+    torque_constant, gear_ratio : float
+        k_t in N·m/A and n, for a frame with an effort in N·m.
+    joint : str, optional
+        Required if the frame has several joints.
+    notes : list of str, optional
+        Notes on what was guessed are appended.
+
+    Examples
+    --------
+    >>> samples = read_frame({'t': [0, 1, 2], 'q [deg]': [0, 90, 180], 'i': [0.1, 0.2, 0.1]})
+    >>> samples.position.round(3).tolist()
+    [0.0, 1.571, 3.142]
+    """
+    samples, info = TableRecording(Path('data frame'), layout, frame).samples(
+        joint, torque_constant * gear_ratio)
+    if notes is not None:
+        notes.extend(info.notes)
+    return samples
+
+
+def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | None:
+    """Return the planned motion of each joint by name; None if the file is not a plan.
+
+    A plan is a JointTrajectory (.yaml), or a table in which time and position are found, but no
+    effort and no current. Its samples have zero current, and the motion of all joints in `arm`.
+    """
+    if path.suffix.lower() in ('.yaml', '.yml'):
+        trajectory = Trajectory.load(path)
+        arm = JointStates(trajectory.joints, trajectory.position, trajectory.velocity)
+        zero = np.zeros(len(trajectory.time))
+        return {name: Samples(
+            time=trajectory.time, position=arm.position[:, k], current=zero, joint=name,
+            velocity=trajectory.velocity[:, k], acceleration=trajectory.acceleration[:, k],
+            arm=arm) for k, name in enumerate(trajectory.joints)}
+    if not is_table(path) or not all(part.is_file() for part in parts_of(path)):
+        return None
+    table = Table(path)
+    with suppress(InputError):
+        assign(table.names, layout, path)
+        return None
+    try:
+        use = assign(table.names, layout, path, plan=True)
+    except InputError:
+        return None     # other faults are reported when the table is read as a recording
+    if any(column.kind == 'effort' for column in use.columns):
+        return None
+    values = table.read([column.name for column in use.columns])
+    size = len(next(iter(values.values())))
+    time = use.signal_in(values, 'time')
+    time = np.arange(size) / layout.rate if layout and layout.rate else time
+    with errors_name(path):
+        joints = {name: Samples.from_arrays(
+            time, use.signal_in(values, 'position', name), current=np.zeros(size),
+            velocity=use.signal_in(values, 'velocity', name), joint=name) for name in use.joints}
+    if len({len(samples) for samples in joints.values()}) > 1:
+        raise InputError(f'{path}: some joints lack a position in some rows')
+    arm = JointStates(tuple(joints), np.column_stack([one.position for one in joints.values()]))
+    return {name: samples.with_(arm=arm) for name, samples in joints.items()}
+
+
+def table_of(joints: Sequence[Samples]) -> Columns:
+    """Return samples on one time base as columns, such as ``elbow.position``; current is effort."""
+    columns = {'time': joints[0].time}
+    for samples in joints:
+        for name in _SIGNALS:
+            values = getattr(samples, 'current' if name == 'effort' else name)
+            if values is not None:
+                columns[f'{samples.joint}.{name}'.lstrip('.')] = values
+    return columns
