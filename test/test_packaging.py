@@ -259,24 +259,3 @@ for name in {[*entry.TOOLS]}:
 print(*sys.modules)
 """
     assert not set(SLOW) & set(printed_by(code).split())
-
-
-@pytest.mark.slow
-def test_imports_compile_nothing_and_leave_the_look_of_figures_to_other_programs(tmp_path):
-    rooms = [path for path in (ROOT / 'friction_comp').rglob('*.py')
-             if path.stem != '__main__' and 'nodes' not in path.parts]
-    names = ['.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__')
-             for path in rooms]
-    code = f"""
-import importlib
-import matplotlib
-from numba.core import event
-before = dict(matplotlib.rcParams)
-with event.install_recorder('numba:compile') as recorder:
-    for name in {names}:
-        importlib.import_module(name)
-from friction_comp.reports.figures import panels, to_svg
-to_svg(panels([''])[0])
-print(len(recorder.buffer), matplotlib.rcParams == before)
-"""
-    assert printed_by(code, NUMBA_CACHE_DIR=str(tmp_path)) == '0 True\n'

@@ -17,7 +17,7 @@ from friction_comp.number_text import number, quantity
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.evaluation_page import curves_figure, evaluation_page
-from friction_comp.reports.figures import band, COLOURS, curve, for_page, panels, scatter, WIDTH
+from friction_comp.reports.figures import band, COLOURS, for_page, panels, scatter, WIDTH
 from friction_comp.reports.html import Report, value
 from friction_comp.reports.refinement_page import refinement_page
 
@@ -138,21 +138,6 @@ def test_tables_align_numbers():
 ])
 def test_numbers_are_short(value, text):
     assert number(value) == text
-
-
-@pytest.mark.parametrize('noise', [0.0, 1.0])
-def test_a_long_curve_is_a_drawing_of_few_points_with_its_peaks(noise):
-    figure, (axes,) = panels([''])
-    time = 1e-3 * np.arange(60_000)
-    torque = np.sin(time) + noise * np.random.default_rng(0).standard_normal(len(time))
-    torque[30_000] = 9.0
-    curve(axes, time, torque, 'measured')
-    drawing = for_page(figure)
-    assert len(drawing) < 300_000
-    top = axes.transData.transform((0.0, 9.0))[1] / figure.dpi
-    line = max(re.findall(r' d="([^"]*)"', drawing), key=len)
-    heights = [float(y) for y in re.findall(r'L [\d.]+ ([\d.]+)', line)]
-    assert min(heights) == pytest.approx(72.0 * (figure.get_figheight() - top), abs=0.5)
 
 
 @pytest.fixture(scope='module')

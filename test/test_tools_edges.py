@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tools with pipes, devices, unusual names, folders, and without ROS 2; a private ROS domain."""
 
-from contextlib import ExitStack
 from dataclasses import replace
 import json
 import os
@@ -15,8 +14,6 @@ import numpy as np
 import pytest
 
 from friction_comp.__main__ import run
-from friction_comp.demo import ros_domain
-from friction_comp.demo.ros_domain import domains_in_use, leased_domain
 from friction_comp.errors import InputError
 from friction_comp.files import output_folder
 from friction_comp.model.friction_model import FrictionModel
@@ -135,21 +132,6 @@ def test_an_option_given_twice_is_joined_where_it_lists_and_refused_where_it_doe
     with pytest.raises(SystemExit):
         parser.parse(['log.csv', '--joint', 'a', '--joint', 'b'])
     assert '--joint is given twice' in capsys.readouterr().err
-
-
-def test_a_leased_domain_is_exclusive_and_freed_at_its_end(monkeypatch):
-    monkeypatch.setattr(ros_domain, '_DOMAINS', range(95, 98))
-    free = set(ros_domain._DOMAINS) - domains_in_use()
-    with ExitStack() as stack:
-        def lease():
-            held.append(stack.enter_context(leased_domain()))
-            return lease()
-        held = []
-        with pytest.raises(InputError, match='in use'):
-            lease()
-        assert len(held) == len(set(held)) <= len(free)
-    with leased_domain() as again:
-        assert again in held
 
 
 def test_output_appears_only_when_all_is_done(tmp_path):
