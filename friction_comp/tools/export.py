@@ -101,14 +101,13 @@ def _remarks(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) 
 
     form, unit = arguments.to, joint.unit
     lines = [f'Friction of {arguments.model}, by friction_comp {__version__}',
-             f'Coulomb {joint.coulomb:.6g} {unit}, viscous {joint.viscous:.6g} {unit}·s/rad']
+             _missed(*loss_of(model, joint), joint),
+             f'Coulomb {joint.coulomb:.4g} {unit}, viscous {joint.viscous:.4g} {unit}·s/rad']
     if 'inertia' in KEYS[form]:
         if joint.inertia:
-            lines[-1] += f', inertia {joint.inertia:.6g} kg·m²'
-            lines.append(f'The inertia is of {inertia_holds(model)}')
+            lines[-1] += f', inertia {joint.inertia:.4g} kg·m², of {inertia_holds(model)}'
         elif not arguments.without_inertia:
             lines.append('No inertia: the model has none')
-    lines.append(_missed(*loss_of(model, joint), joint))
     if form == 'isaac':
         lines.append(f'Static friction: {joint.static_is}')
     lines += [f'Range for randomisation: {key} {low:.4g} to {high:.4g}'
