@@ -180,7 +180,9 @@ def test_the_numbers_of_a_page_are_those_of_the_report(evaluation, refined):
     assert texts['before'] == {quantity(report.before.held_out_rmse, report.unit)}
     assert texts['coulomb'] == {f'{report.friction.coulomb:.3f} N·m'}
     shown = {text for own in texts_of(evaluation_page([evaluation])).values() for text in own}
-    assert shown == {f'{number(mean)} N·m' for mean in evaluation.compared('peak_torque')}
+    found = evaluation.comparison('peak_torque')
+    assert shown == {f'{number(mean)} N·m' for mean in (
+        found.mean_first, found.mean_second)}
 
 
 def test_nothing_is_judged_from_two_repetitions(evaluation):

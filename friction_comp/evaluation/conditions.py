@@ -77,10 +77,6 @@ class Condition:
     position_std: np.ndarray
     reference: np.ndarray | None = None
 
-    def mean_of(self, name: str) -> float:
-        """Return the mean of one of `FIGURES` over the repetitions; NaN where it is unknown."""
-        return self.figures[name].mean if name in self.figures else float('nan')
-
     def as_dict(self) -> dict[str, Any]:
         """Return the figures without the curves."""
         named = {name: getattr(self, name) for name in (
@@ -121,8 +117,8 @@ class Evaluation:
         """Return the conditions without and with direction whose comparison is reported first.
 
         In this order: both with the same law and model; kinetic compensation and a law with the
-        same model; no compensation and any law; the only two conditions. Of several pairs of one
-        kind, that with the most repetitions; None where the choice is ambiguous.
+        same model; no compensation and any law. Of several pairs of one kind, that with the most
+        repetitions.
         """
         counts: Counter[Compensation] = Counter()
         for condition in self.conditions:
@@ -137,27 +133,16 @@ class Evaluation:
             if comparable:
                 return max(comparable, key=lambda pair: (
                     min(counts[c] for c in pair), sum(counts[c] for c in pair), pair))
-        return pairs[0] if len(pairs) == 1 else None
+        return None
 
     def stuck(self, condition: Compensation) -> int:
         """Return the number of movements under a condition in which the joint did not move."""
         return sum(r.compensation == condition and not r.moved for r in self.repetitions)
 
-    def mean_of(self, name: str, condition: Compensation) -> float:
-        """Return the mean of one of `FIGURES` under a condition, averaged over both movements."""
-        return float(np.mean([c.mean_of(name) for c in self.conditions
-                              if c.compensation == condition]))
-
-    def compared(self, name: str) -> tuple[float, float] | None:
-        """Return a torque with d = 0 and d = ±1, N·m, over movements that both of `pair` have."""
-        conditions = self.pair()
-        if conditions is None:
-            return None
-        values = {(c.compensation, c.movement): c.mean_of(name) for c in self.conditions}
-        both = np.array([[values.get((condition, movement), np.nan) for condition in conditions]
-                         for movement in NAMES.values()])
-        both = both[np.isfinite(both).all(axis=1)]
-        return (float(both[:, 0].mean()), float(both[:, 1].mean())) if both.size else None
+    def comparison(self, name: str) -> Comparison | None:
+        """Return the comparison of one of `FIGURES` under the conditions of `pair`, if any."""
+        return next((one for one in self.comparisons
+                     if one.figure == name and (one.first, one.second) == self.pair()), None)
 
     @property
     def is_bound(self) -> bool:
@@ -168,8 +153,9 @@ class Evaluation:
 
     def reduction(self, name: str) -> float | None:
         """Return the relative reduction of a torque with d = ±1; None where it is unknown."""
-        pair = self.compared(name)
-        return 1.0 - pair[1] / pair[0] if pair and pair[0] > 0 else None
+        found = self.comparison(name)
+        return None if found is None or not found.mean_first > 0.0 else (
+            1.0 - found.mean_second / found.mean_first)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content of report.json."""

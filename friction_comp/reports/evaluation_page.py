@@ -44,13 +44,13 @@ class Peaks(NamedTuple):
     are_bounds: tuple[bool, bool]
     change: str
     difference: float  # second less first, N·m
-    test: Comparison | None
+    test: Comparison
 
     @property
     def are_told_apart(self) -> bool:
         """Whether the difference is significant, and of the size that was tested."""
-        half = self.test.without_drift.half if self.test else None
-        return (self.test is not None and self.test.significant and half is not None
+        half = self.test.without_drift.half
+        return (self.test.significant and half is not None
                 and abs(self.difference - self.test.without_drift.mean) <= half)
 
     def texts(self) -> list[str]:
@@ -60,12 +60,10 @@ class Peaks(NamedTuple):
 
 def peaks_of(evaluation: Evaluation) -> Peaks | None:
     """Return the peak torques that are reported first; None where there is nothing to compare."""
-    torques, change = evaluation.compared('peak_torque'), evaluation.reduction('peak_torque')
-    pair = evaluation.pair()
-    if torques is None or change is None or pair is None:
+    test, change = evaluation.comparison('peak_torque'), evaluation.reduction('peak_torque')
+    if test is None or change is None:
         return None
-    test = next((c for c in evaluation.comparisons if c.figure == 'peak_torque'
-                 and (c.first, c.second) == pair), None)
+    pair, torques = (test.first, test.second), (test.mean_first, test.mean_second)
     first, second = (bool(evaluation.stuck(condition)) for condition in pair)
     shown = tuple(value(f'peak of {evaluation.joint}: {evaluation.label(condition)}',
                         f'{number(torque)} N·m') for condition, torque in zip(pair, torques))
@@ -74,7 +72,7 @@ def peaks_of(evaluation: Evaluation) -> Peaks | None:
         text += ', of torques that did not always suffice'
     elif first or second:
         text = f'at {"least" if first == (change >= 0) else "most"} {text}'
-    return Peaks(pair, (shown[0], shown[1]), (first, second), text, torques[1] - torques[0], test)
+    return Peaks(pair, (shown[0], shown[1]), (first, second), text, test.difference, test)
 
 
 def verdict(evaluation: Evaluation) -> str:
@@ -94,7 +92,7 @@ def verdict(evaluation: Evaluation) -> str:
                              for one in peaks.pair)
             laws = plain, helped
     test = peaks.test
-    untested = test is not None and test.untested
+    untested = test.untested
     # Of what is not judged is said what was, not what is.
     text = (f'When the robot {"knew" if untested else "knows"} the direction{laws[1]}, the person '
             f'{"needed" if untested else "needs"} {after} to set the joint in motion, and {before} '
@@ -103,7 +101,7 @@ def verdict(evaluation: Evaluation) -> str:
         text += f' That is not judged: {untested}.'
     elif not peaks.are_told_apart:
         text += ' This may be chance, or have come with time; record more to be sure.'
-    if test is not None and test.pairs and not test.in_turn:
+    if test.pairs and not test.in_turn:
         text += (' One was recorded after the other: what else changed in between counts, too. '
                  'Record them in turn to be sure.')
     return text
