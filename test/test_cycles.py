@@ -10,19 +10,10 @@ import pytest
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter, lsim
 
-from friction_comp.errors import InputError
 from friction_comp.identification import cycles as twice
 from friction_comp.identification.curves import fit_sigmoid
-from friction_comp.identification.cycles import (
-    constant_velocity_currents,
-    KineticPoint,
-    steadiest_inertia,
-)
-from friction_comp.identification.goal import (
-    constant_velocity_windows,
-    cycle_state,
-    IdentificationError,
-)
+from friction_comp.identification.cycles import KineticPoint, steadiest_inertia
+from friction_comp.identification.goal import cycle_state, IdentificationError
 from friction_comp.identification.identified import (
     curve_misfit,
     doubts_of_curve,
@@ -31,7 +22,6 @@ from friction_comp.identification.identified import (
     doubts_of_ramps,
     uncertainty_of,
 )
-from friction_comp.identification.supervised_run import travel_state
 from friction_comp.model.measured import Breakaway, Presliding
 
 SPEEDS = np.array([0.09, 0.2, 0.5, 1.0, 1.6])
@@ -93,26 +83,6 @@ def test_the_profile_is_that_of_the_note(speed, duration, share):
     assert later - position == pytest.approx(1e-6 * velocity, abs=2e-11 * speed / duration + 1e-14)
 
 
-def test_windows_lie_on_the_plateaus_and_a_journey_goes_from_rest_to_rest():
-    for window, sign in zip(constant_velocity_windows(10.0, 0.5), (1.0, -1.0)):
-        for time in np.linspace(*window, 20):
-            assert cycle_state(time, 0.3, 10.0)[1] == pytest.approx(0.3 * sign)
-    places = np.array([travel_state(t, -0.4, 2.0) for t in np.linspace(0.0, 2.0, 2001)])
-    np.testing.assert_allclose(np.gradient(places[:, 0], 1e-3), places[:, 1], atol=1e-3)
-    assert places[-1] == pytest.approx([-0.4, 0.0])
-
-
-def test_the_current_at_constant_velocity_is_averaged_in_both_directions():
-    time = np.arange(0.0, 10.0, 1e-3)
-    position = np.where(time < 5.0, 0.1 * time, 1.0 - 0.1 * time)
-    current = np.where(time < 5.0, 0.1, -0.2)
-    points = constant_velocity_currents(time, position, current, 0.1, 10.0)
-    assert [point.speed for point in points] == [0.1, -0.1]
-    assert [point.current for point in points] == pytest.approx([0.1, -0.2])
-    with pytest.raises(InputError, match='too few'):
-        constant_velocity_currents(time[:100], position[:100], position[:100], 0.1, 10.0)
-
-
 # What is measured twice.
 
 def test_friction_that_falls_while_it_is_measured_is_named_and_that_of_the_end_given():
@@ -160,16 +130,6 @@ def test_neither_a_spring_nor_gravity_is_taken_for_viscous_friction(load):
     assert viscous(points_of(done)) > 1.1 * VISCOUS
     level = twice.levelled(done, twice.position_slopes(done))
     assert viscous(points_of(level)) == pytest.approx(VISCOUS, rel=0.02)
-
-
-def test_friction_that_rises_over_the_range_does_not_bend_the_curve():
-    done = cycles(lambda v, x, t: plain(v, x, t) * (1.0 + 0.3 * (x - 0.5 * RANGE)))
-
-    def error(done):
-        return max(abs(abs(p.current) / plain(abs(p.speed), 0.0, 0.0) - 1.0)
-                   for p in points_of(done))
-    assert error(done) > 0.05
-    assert error(twice.levelled(done, twice.position_slopes(done))) < 0.025
 
 
 @pytest.mark.parametrize(('friction', 'load', 'words'), [

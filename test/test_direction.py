@@ -224,11 +224,6 @@ def test_a_plan_that_is_not_followed_is_none_even_if_the_joint_comes_across_it()
     assert plan.direction(1.7, [0.7])[0] == 0
 
 
-def test_a_joint_that_a_plan_moves_by_rounding_errors_rests():
-    plan = Plan([0.0, 1.0, 2.0], [0.0, 1e-4, -1e-4])
-    assert plan.direction(0.5)[0] == 0
-
-
 @pytest.mark.parametrize(('times', 'positions', 'words'), [
     ([0.5, 0.5], [[0.0], [1.0]], 'increase'), ([0.5, 1.0], [[0.0], [math.nan]], 'finite'),
     ([0.5], [[0.0, 1.0]], 'a position of each')])

@@ -11,7 +11,6 @@ from helpers import short_search, undocumented
 from hypothesis import example, given, strategies as st
 import numpy as np
 import pytest
-from scipy.interpolate import BPoly
 from scipy.stats import qmc
 import yaml
 
@@ -157,32 +156,6 @@ def test_limits_come_from_files(tmp_path):
         '}', ', has_effort_limits: false, max_effort: 0.0}'), encoding='utf-8')
     for joints in ((), ('1',)):
         assert from_yaml(yaml_file, joints) == [replace(STATED, joint='1')]
-
-
-@pytest.mark.parametrize(('rate', 'keeps'), [(20.0, True), (5.0, False)])
-def test_splines_through_the_points_of_the_lowest_rate_keep_the_limits(rate, keeps):
-    limits = JointLimits('j', -0.1, 0.1, 2.0, 20.0)
-    moves = moves_of_shape([0.5, 4.0, 1.0, 0.05, 1.2], limits, 20.0,
-                           qmc.Sobol(3, scramble=True, seed=0).random(512))
-    points = JointPlan(limits, tuple(moves), 20.0, {}).samples(rate)
-    # As a robot's trajectory controller moves between points.
-    path = BPoly.from_derivatives(points.time, np.column_stack(
-        (points.position, points.velocity, points.acceleration)))
-    time = np.arange(0.0, 20.0, 1e-3)
-    within = [np.abs(own(time)).max() < limit for own, limit in (
-        (path, 0.1), (path.derivative(), 2.0), (path.derivative(2), 20.0))]
-    assert all(within) == keeps
-
-
-def test_a_long_plan_of_a_fast_joint_moves_to_its_end():
-    # The search finds the shortest moves and rests.
-    shortest = Namespace(x=[0.5, 4.0, 1.0, 0.05, 0.05])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr('friction_comp.excitation.plan.differential_evolution',
-                      lambda *_, **__: shortest)
-        plan = plan_joint(JointLimits('j', -0.1, 0.1, 2.0, 20.0), [('gravity', 'stribeck')],
-                          1800.0, 0)
-    assert plan.moves[-1].begin + plan.moves[-1].duration > 1790.0
 
 
 @pytest.mark.parametrize(('option', 'text', 'given', 'effort'), [

@@ -82,14 +82,6 @@ def test_any_movement_is_announced_only_in_its_own_direction(points, announcemen
     assert script.at(script.duration + 1.0)[2][0] == 0
 
 
-def test_a_step_with_a_speed_takes_the_time_of_its_way():
-    script = exercise_of({**DOCUMENT, 'unit': 'deg', 'joints': ['elbow'], 'repetitions': 1,
-                          'steps': [{'hold': 1.0}, {'to': {'elbow': 30.0}, 'speed': 15.0},
-                                    {'hold': 0.5}]})
-    assert script.duration == pytest.approx(1.0 + 2.0 + 0.5)
-    assert script.at(3.0)[0] == pytest.approx(np.radians([30.0]))
-
-
 def changed(path, value):
     document = copy.deepcopy(DOCUMENT)
     place = document

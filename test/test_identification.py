@@ -185,11 +185,6 @@ def test_faults_end_the_run_with_zero_current(phase, index, kept, added, words):
         run.result()
 
 
-def test_ramp_that_ends_too_early_says_what_to_change():
-    with pytest.raises(IdentificationError, match=r'up to 0\.2 A.*steeper ramp_slope'):
-        identify(note_model(3), ramp_slope=0.05, ramp_period=10.0)
-
-
 @pytest.mark.parametrize('friction', [0.3, 7.5])
 def test_without_a_slope_ramps_follow_from_what_breaks_the_joint_free(friction):
     """Of a drive that takes 0.03 A as of one that takes 0.75; the limit is 3 A."""
@@ -287,10 +282,3 @@ def test_at_the_lowest_rate_the_documented_speeds_are_driven_and_what_is_too_sho
     narrow = IdentificationGoal(**{**goal, 'motion_range': 0.4})
     assert 'widen motion_range to 0.46 rad' in narrow.too_short(1.7, 0.01)
     assert not replace(narrow, motion_range=0.46).too_short(1.7, 0.01)
-
-
-def test_goal_drops_signs_and_repeats():
-    goal = IdentificationGoal(**{**QUICK, 'speeds': [-0.5, 0.2, 0.5, 0.2, 1.0]})
-    assert goal.speeds == (0.2, 0.5, 1.0)
-    assert goal.cycle(0.2) == pytest.approx((4.0, 0.32))
-    assert replace(goal, longest_cycle=math.inf).cycle(0.2) == pytest.approx((11.25, 0.9))

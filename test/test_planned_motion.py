@@ -14,10 +14,9 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Recorded, signals_read
+from friction_comp.model.measured import Recorded
 from friction_comp.model.model_file import write_arm
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.samples import Samples
 
 MODEL = FrictionModel(
     Drive(0.1, 50.0), Sigmoid(0.2, -0.2, 200.0, viscous=0.1), joint='elbow', effects=[
@@ -55,13 +54,6 @@ def test_one_state_gives_the_torque_of_its_terms_without_what_a_plan_does_not_te
     _, q, v, a = motion()
     moves = np.abs(v) > 0.1
     np.testing.assert_allclose(MODEL.feed_forward(q, v, a)[moves], needed(q, v, a)[moves])
-
-
-def test_a_hysteresis_has_the_value_of_steady_sliding():
-    hysteresis = EFFECTS['hysteresis']({
-        'distance': 1e-3, 'exponent': 1.0, 'transition': 1e-3, 'coefficients': [0.5, 0.0]})
-    model = replace(MODEL, sigmoid=Sigmoid(0.0, 0.0, 200.0), effects=[hysteresis])
-    np.testing.assert_allclose(model.feed_forward([0.0, 0.0], [1.0, -1.0]), [2.5, -2.5])
 
 
 def test_what_gives_no_torque_is_refused():
@@ -130,26 +122,6 @@ def test_of_several_recorded_joints_the_model_knows_its_own(tmp_path):
         'elbow.effort': needed(q, v, a)})
     inside = (np.abs(v) > 0.3) & (time > 0.3) & (time < 3.7)
     np.testing.assert_allclose(rows['predicted'][inside], rows['measured'][inside], atol=0.01)
-
-
-def test_the_range_of_a_signal_counts_where_a_term_depends_on_its_value():
-    samples = Samples(*np.ones((3, 4)), velocity=np.ones(4), acceleration=np.ones(4),
-                      load=np.ones(4), temperature=np.ones(4))
-    bump = EFFECTS['bump']({'position': 9.0, 'width': 0.1, 'exponent': 2.0, 'directional': 0.0,
-                            'transition': 0.1, 'coefficients': [1.0]})
-    slip = EFFECTS['hysteresis']({
-        'distance': 1e-3, 'exponent': 1.0, 'transition': 1e-3, 'coefficients': [0.5, 0.0]})
-    assert set(signals_read(samples, [])) == set(signals_read(samples, [slip])) == {
-        'speed', 'load', 'temperature'}
-    assert set(signals_read(samples, [bump])) == {
-        'speed', 'load', 'temperature', 'position'}
-    assert set(signals_read(samples, MODEL.effects)) == {
-        'speed', 'acceleration', 'position', 'load', 'temperature'}
-    # A turn is all there is of an angle, but not of a way.
-    known = Recorded(ranges={'position': (0.0, 6.5)})
-    far = samples.with_(position=np.full(4, 20.0))
-    assert not known.beyond(far, MODEL.effects)
-    assert known.beyond(far, MODEL.effects, linear=True)
 
 
 def test_a_plan_of_an_arm_gives_the_torque_of_each_joint(tmp_path):

@@ -115,14 +115,6 @@ def friction_of(recorded):
     return RampFriction.of(recorded, COUNT, RATE)
 
 
-@pytest.mark.parametrize('distance', [2e-4, 1e-3, 2e-3])
-@pytest.mark.parametrize('slope', [0.1, 0.3])
-def test_breakaway_does_not_depend_on_the_presliding_distance(distance, slope):
-    recorded = ramp(Contact(distance), slope)
-    assert evaluated([recorded]).breakaways == pytest.approx([LEVEL], rel=0.02)
-    assert friction_of(recorded).presliding(LEVEL) == pytest.approx(distance, rel=0.2)
-
-
 @pytest.mark.parametrize('strengthening', [-0.05, 0.05, 0.15, 0.5])
 def test_breakaway_is_the_largest_current_that_holds_however_friction_goes_on(strengthening):
     """Whether friction rises from standstill, as in configuration 2 of the note, or falls."""
@@ -148,11 +140,6 @@ def test_a_contact_of_little_damping_does_not_creep_under_the_stairs(damping, di
     np.testing.assert_allclose(np.abs(found.breakaways), LEVEL, rtol=0.03)
     assert found.presliding.distance == pytest.approx(distance, rel=0.1)
     assert found.presliding.std < (0.25 if damping else 0.6) * distance
-
-
-def test_the_first_stair_is_near_breakaway_as_far_as_it_is_known():
-    assert first_stair([0.3]) == pytest.approx(0.27)
-    assert first_stair([0.3, 0.298, 0.302]) == pytest.approx(0.95 * 0.298)
 
 
 def test_a_ramp_whose_first_stair_does_not_hold_is_no_ramp():
@@ -226,17 +213,6 @@ def test_backlash_is_reported_with_its_size_and_excluded_from_breakaway(backlash
     presliding = found.presliding
     assert presliding.distance < 2e-4 + 0.15 * backlash
     assert abs(presliding.distance - 2e-4) < 2.0 * presliding.std
-
-
-@pytest.mark.parametrize('ahead', [0.0, 2e-4])
-def test_backlash_is_what_ramps_cross_after_slides_in_either_direction(ahead):
-    """A slide leaves the link anywhere between the teeth: ahead is a part, behind the rest."""
-    backlash = 7e-4
-    ramps = [ramp(loose(ahead if sign == before else backlash - ahead), slope=slope, sign=sign,
-                  before=before)
-             for slope in (0.19, 0.2, 0.21)
-             for sign, before in [(1, -1), (1, 1), (-1, 1), (-1, -1)]]
-    assert evaluated(ramps).backlash == pytest.approx(backlash, rel=0.2)
 
 
 @pytest.mark.parametrize('contacts', [
