@@ -196,7 +196,7 @@ def _add_links(page: Report, result: ArmResult, unit: str) -> None:
         'a neighbouring link, or by the current per torque where torque constants were not given.')
     page.table(
         ['link after joint', 'mass (kg)', 'URDF (kg)', 'from the recording', f'{unit} per N·m'],
-        [[row['joint'], _with_interval(row, 'mass'), row['mass_urdf'],
+        [[row['joint'], _with_interval(row, 'mass'), number(row['mass_urdf']),
           f"{100.0 * row['told_by_recording']['mass']:.0f} %",
           _with_interval(row, 'current_per_torque')] for row in arm['rigid_bodies']],
         'With 95 % intervals. "From the recording" is the share by which the recording reduces the '
