@@ -14,7 +14,6 @@ from array import array
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
-from itertools import count
 import os
 from pathlib import Path
 import signal
@@ -44,7 +43,6 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 TIMEOUT = 0.1
 SLACK = 0.06
-WAITING = 20    # messages that wait for a stopped process; with many more, sending them may block
 
 
 def main():
@@ -212,24 +210,6 @@ def signalled(name, process='process', then='send'):
     return begin
 
 
-def paused(name):
-    """Stop the compensator, and continue it when much has come."""
-    def begin(rig):
-        rig.process.send(getattr(signal, name))
-        begin, continued, sent = time.monotonic(), [], count()
-
-        def wait():
-            if time.monotonic() - begin > 0.4 and not continued:
-                continued.append(rig.process.send(signal.SIGCONT))
-            elif not continued and next(sent) < WAITING:
-                # Without a stamp, they count from when they are read.
-                rig.driver.announce([1])
-                rig.send(stamp=0)
-            rig.probe.spin_for(0.002)
-        return wait
-    return begin
-
-
 def deactivated(rig):
     request = ChangeState.Request()
     request.transition.label = 'deactivate'
@@ -313,7 +293,8 @@ class Fault(NamedTuple):
 
 
 MODEL = (ROOT / 'config' / 'armin_configuration_1.yaml').read_text(encoding='utf-8')
-ENDING = ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2', 'SIGALRM')
+ENDING = ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2', 'SIGALRM',
+          'SIGTSTP', 'SIGTTIN')
 # The node direction knows the silence of a leader after 0.25 s, that of a planner after 0.5 s.
 LED = 0.25 + SLACK
 FAULTS = (
@@ -344,8 +325,6 @@ FAULTS = (
     Fault('leader stands still', leader_still, LED, led=True),
     *(Fault(f'{name} to direction', signalled(name, 'source', 'lead'), within + SLACK, led=True)
       for name, within in {'SIGTERM': TIMEOUT, 'SIGKILL': 0.5, 'SIGSTOP': 0.5}.items()),
-    *(Fault(f'{name}, then SIGCONT and what waited', paused(name))
-      for name in ('SIGTSTP', 'SIGTTIN', 'SIGTTOU')),
     *(Fault(f'{name} while active', asked(number), 1.0)
       for name, number in {'configure': 1, 'cleanup': 2, 'activate': 3}.items()),
     Fault('parameter of unknown type', with_parameter('law', lambda: ParameterValue(type=77)), 1.0),

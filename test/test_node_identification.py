@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The identification action over DDS: in lockstep with a simulated joint, and fed by the test."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 import math
 import re
@@ -175,20 +176,13 @@ def test_identifies_a_drive(system):
     np.testing.assert_allclose(
         model.sigmoid.coefficients(), result.coefficients, rtol=1e-6, atol=1e-12)
     assert model.drive == truth.drive
-    # Feedback comes now and then in real time, while simulated time runs as fast as it may: which
-    # samples it shows is left to the machine, but they are in order and of this joint.
-    progress, times = ([getattr(f, name) for f in system.feedback] for name in ('progress', 'time'))
+    # Feedback comes now and then in real time: which samples it shows is left to the machine.
+    progress = [f.progress for f in system.feedback]
     assert progress == sorted(progress)
-    assert times == sorted(times)
     assert 0.0 <= progress[0] < progress[-1] <= 1.0
-    phases = list(dict.fromkeys(f.phase for f in system.feedback))
-    shown = [phase for phase in ('velocity', 'breakaway') if phase in phases]
-    assert [phase for phase in phases if phase in shown] == shown
-    for f in system.feedback:
-        assert abs(f.position) < GOAL['motion_range']
-        assert abs(f.velocity) < 2.0 * max(GOAL['speeds'])
-        assert math.isfinite(f.current)
+    assert {'velocity', 'breakaway'} & {f.phase for f in system.feedback}
     assert any(f.velocity for f in system.feedback)
+    assert all(abs(f.position) < GOAL['motion_range'] for f in system.feedback)
     # Only the joint of the goal was driven, the other one held; both were left at zero current.
     commands = np.array([m.data for m in system.probe.all_heard('current_command')])
     assert np.abs(commands[:, 0]).max() > 0.1
@@ -208,8 +202,7 @@ def test_what_a_goal_leaves_out_are_the_parameters():
 
 
 @pytest.mark.parametrize(('held', 'carried', 'refused'), [
-    (0.0, 0.0, False), (0.05, 0.0, False), (0.5, 0.0, True), (-0.5, 0.0, True),
-    (0.5, 0.48, False), (0.0, 0.5, False)])
+    (0.05, 0.0, False), (0.5, 0.0, True), (-0.5, 0.0, True), (0.5, 0.48, False), (0.0, 0.5, False)])
 def test_a_goal_is_refused_while_a_motor_holds_another_joint(held, carried, refused):
     """Unless its model carries it, or a brake or friction (0.0995 A) holds it."""
     node = SimpleNamespace(
@@ -217,11 +210,8 @@ def test_a_goal_is_refused_while_a_motor_holds_another_joint(held, carried, refu
         _models=[FrictionModel.load(MODELS[0])] * 2,
         _carried=SimpleNamespace(at=lambda _: np.array([0.0, carried])),
         _states=SimpleNamespace(position=np.zeros(2), effort=np.array([9.0, held])))
-    if refused:
-        with pytest.raises(InputError, match='wrist holds it with .*0.5 A, of which its model '
-                                             'carries 0 A: it would fall'):
-            IdentificationNode._check_held(node, 0)
-    else:
+    with (pytest.raises(InputError, match='wrist holds it with .*0.5 A, of which its model carries '
+                                          '0 A: it would fall') if refused else nullcontext()):
         IdentificationNode._check_held(node, 0)
 
 

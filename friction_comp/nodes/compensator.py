@@ -31,11 +31,6 @@ from friction_comp.stamps import NANO, nanoseconds
 STAMPED = 'direction_stamped'
 # Real s between checks for other commanders and for faults that have ended.
 _CHECK_PERIOD = 0.1
-_UNUSUAL_LAWS = {
-    'desired': ("law: 'desired' pushes in the announced direction however the joint moves: it is "
-                'for joints that another controller moves along a reference',),
-    'paper': ("law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
-              'over-estimate of friction drives the joint',)}
 # What changes what a law commands: diagnostics show it where it is not the default, so that a
 # recording says under which settings its movements were made.
 _TUNING = [one for one in described('compensator')
@@ -136,7 +131,7 @@ class ConfiguredCompensator(CompensationLoop):
 
     def _warn_unusual(self) -> None:
         logger = self._node.get_logger()
-        for text in (*_UNUSUAL_LAWS.get(self._settings['law'], ()), *self.unusual()):
+        for text in self.unusual():
             logger.warning(text)
         # Most models have some: a reason to know, none to look after.
         for text in self.left_out():

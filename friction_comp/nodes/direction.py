@@ -87,8 +87,6 @@ class DirectionNode(Node):
             raise InputError(f'parameter sensor_range: two values are needed, not {list(span)}')
         self._component = attrgetter(self._settings['axis'])
         self._sensors = [ForceDirection(span) for _ in self._joints]
-        for sensor in self._sensors if self._settings['calibrate_at_start'] else ():
-            sensor.begin_calibration()
         self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, self._qos)
         self.create_subscription(WrenchStamped, 'sensor_wrench', self._on_wrench, self._qos)
         self._listen([sensor.motion for sensor in self._sensors])
