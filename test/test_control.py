@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 
 import friction_comp
-from friction_comp.compensation.feed_forward import feed_forward
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.control.compensation_loop import CompensationLoop
 from friction_comp.control.faults import Faults
+from friction_comp.control.feed_forward import feed_forward
 from friction_comp.control.inputs import Direction, MotorTemperature
 from friction_comp.control.joint_states import CONTESTED, JointStateInput, MALFORMED, NEW, PART
 from friction_comp.control.model_trial import Loaded

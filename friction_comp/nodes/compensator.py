@@ -174,8 +174,7 @@ class ConfiguredCompensator(CompensationLoop):
                                   if (value := self._settings[one.name]) != one.default),
             'said of the models': '; '.join(self._told),
             'listeners to the command': self._commands.listeners,
-            **{f'fed forward, {place} [A]': [max(getattr(feed, place)) for feed in self._feeds]
-               for place in ('rest', 'sliding')}, **super().values()}
+            **super().values()}
 
 
 class CompensatorNode(LifecycleNode):
