@@ -131,3 +131,8 @@ def test_what_is_missing_on_this_machine_is_named(monkeypatch, capsys, change, a
     assert words in found['do']
     assert doctor.main(['--seconds', '0']) == 1
     assert about in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_it_asks_for_what_the_package_is_installed_with():
+    needed = (ROOT / 'requirements' / 'run.txt').read_text(encoding='utf-8').lower()
+    assert [name for name in doctor._REQUIRED if name not in needed] == []

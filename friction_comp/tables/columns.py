@@ -375,7 +375,7 @@ def without_time(names: Sequence[str], layout: Layout, where: object
     several joints or speeds, and none is named.
     """
     layout = layout.naming(names, where)
-    columns, own = _columns([name for name in names if name], layout, where)
+    columns, _ = _columns([name for name in names if name], layout, where)
     signals = {c.signal for c in columns}
     if layout.rate or signals & {'time', 'position'}:
         return None
