@@ -127,7 +127,7 @@ def test_a_model_that_no_longer_fits_is_noticed_refined_and_loaded(bench, room):
     assert fits.level == b'\x00'
     bench.move(40.0, ripple=0.6)
     warned = probe.status_of(
-        'refinement', lambda s: s.level == b'\x01' and 'position' in s.message)
+        'refinement', lambda s: s.level == b'\x01' and 'refine it' in s.message)
     assert 'no longer fits' in warned.message
 
     handle = bench.refine(seconds=40.0, load=True)

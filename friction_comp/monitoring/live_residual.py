@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the model of a running joint still fits: its residual, and what that depends on.
+"""Whether the model of a running joint still fits: its residual, and what has changed.
 
 A block is a short piece of motion in one direction. Averaging over blocks removes the noise of
 single samples and leaves a few values per second.
@@ -20,10 +20,10 @@ from friction_comp.facts.motion import STANDSTILL
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import LARGER, Recorded
-from friction_comp.monitoring.friction_change import friction_change, FrictionChange
+from friction_comp.monitoring.friction_change import friction_change
 from friction_comp.number_text import quantity
 from friction_comp.samples import Samples
-from friction_comp.statistics import quantile_edges, rms
+from friction_comp.statistics import rms
 
 # s before the new rows that are computed again to let filters and effect states settle, and s at
 # the end that wait for later rows, because a zero-phase filter needs them.
@@ -32,21 +32,14 @@ _SETTLING, _LOOKAHEAD = 3.0, 0.3
 _WIDTH = 6
 # Length of a block and of the shortest one that is used, s.
 _BLOCK, _SHORTEST = 0.4, 0.1
-# Blocks used for the error, and blocks kept to find the variables that explain it.
-_RECENT, _KEPT = 60, 4000
+# Blocks used for the error.
+_RECENT = 60
 # A joint stands still, too, below this share of its usual speed.
 _SLOW_SHARE = 0.1
 # A warning ends at this share of the error that starts it.
 _HYSTERESIS = 0.8
-# A variable is named if it explains this share of the residual, and at most so much less than the
-# best one.
-_NAMED_SHARE, _NAMED_MARGIN = 0.3, 0.1
-_BINS = 6
-# Of the squared error, what friction, load and inertia must leave for a variable to be looked for.
-_LEFT = 0.1
 # Columns of the table of blocks.
-(_TIME, _POSITION, _VELOCITY, _ACCELERATION, _LOAD, _TEMPERATURE, _RESIDUAL, _PREDICTED,
- _FRICTION) = range(9)
+_TIME, _POSITION, _VELOCITY, _ACCELERATION, _RESIDUAL, _PREDICTED, _FRICTION = range(7)
 
 
 @dataclass(frozen=True)
@@ -60,10 +53,7 @@ class ModelFit:
     # RMS error of the last blocks, relative to the RMS of the model's friction, and in A.
     share: float = 0.0
     error: float = 0.0
-    # Variables that explain how the friction varies, and the share of that which each explains,
-    # largest first.
-    explained_by: tuple[tuple[str, float], ...] = ()
-    # What else explains the error, in words, and the change of the friction as a share of the
+    # What explains the error, in words, and the change of the friction as a share of the
     # model's, 0 where it explains too little.
     causes: tuple[str, ...] = ()
     level: float = 0.0
@@ -80,11 +70,7 @@ class ModelFit:
         if self.fits:
             return (f'its error is {error}, which refine expected: the model was never better'
                     if self.as_expected else f'the model fits: its error is {error}')
-        causes = list(self.causes)
-        if self.explained_by:
-            causes.append('its variation depends on ' + ' or '.join(
-                f'{name} ({100 * share:.0f} %)' for name, share in self.explained_by))
-        why = '; '.join(causes) or 'no monitored variable explains it'
+        why = '; '.join(self.causes) or 'refine tells what it depends on'
         return f'the model no longer fits: its error is {error}; {why}'
 
 
@@ -97,7 +83,7 @@ class ResidualMonitor:
     def __init__(self, tolerance: float, recorded: Recorded | None = None, unit: str = 'A') -> None:
         self.tolerance = check_number(tolerance, 'tolerance', above=0.0)
         self._recorded, self._unit = recorded or Recorded(), unit
-        self._blocks = np.empty((0, 9))
+        self._blocks = np.empty((0, 7))
         self._speed = 0.0
         self._warned = False
 
@@ -114,76 +100,32 @@ class ResidualMonitor:
         self._speed = max(fast, 0.99 * self._speed)
         moving = speed > max(STANDSTILL, _SLOW_SHARE * self._speed)
         moving &= np.isfinite(residual) & np.isfinite(predicted)
-        load, temperature = (
-            np.full(len(samples), np.nan) if signal is None else signal
-            for signal in (samples.load, samples.temperature))
         table = np.column_stack([
-            samples.time, samples.position, samples.velocity, samples.acceleration, load,
-            temperature, residual, predicted, friction])
+            samples.time, samples.position, samples.velocity, samples.acceleration, residual,
+            predicted, friction])
         means = [table[part].mean(axis=0) for part in _block_slices(samples, moving)]
         if means:
-            self._blocks = np.vstack((self._blocks, means))[-_KEPT:]
-
-    @property
-    def blocks(self) -> int:
-        """Number of blocks."""
-        return len(self._blocks)
-
-    def error(self, blocks: int) -> float:
-        """Return the RMS error of the last `blocks` blocks in A, without inertia."""
-        last = self._blocks[-blocks:]
-        return rms(last[:, _RESIDUAL] - self._change(last).inertia)
+            self._blocks = np.vstack((self._blocks, means))[-_RECENT:]
 
     def verdict(self) -> ModelFit:
         """Return the verdict on the blocks so far."""
-        if self.blocks < _RECENT // 2:
+        blocks = self._blocks
+        if len(blocks) < _RECENT // 2:
             return ModelFit()
-        last = self._blocks[-_RECENT:]
-        error, friction = self.error(_RECENT), max(rms(last[:, _FRICTION]), 1e-12)
-        expected = LARGER * self._recorded.error_at(np.abs(last[:, _VELOCITY]))
-        limit = max(self.tolerance * friction, expected)
-        self._warned = error > limit * (_HYSTERESIS if self._warned else 1.0)
-        fit = ModelFit(True, not self._warned, error / friction, error, unit=self._unit,
-                       as_expected=error > self.tolerance * friction)
-        return self._explained(fit, last) if self._warned else fit
-
-    def _change(self, blocks: np.ndarray) -> FrictionChange:
+        expected = self._recorded.error_at(np.abs(blocks[:, _VELOCITY]))
         motion = Samples(
             time=blocks[:, _TIME], position=blocks[:, _POSITION], current=blocks[:, _RESIDUAL],
             velocity=blocks[:, _VELOCITY], acceleration=blocks[:, _ACCELERATION])
-        return friction_change(
-            blocks[:, _RESIDUAL], blocks[:, _PREDICTED], blocks[:, _FRICTION], motion,
-            self._recorded.error_at(np.abs(blocks[:, _VELOCITY])))
-
-    def _explained(self, fit: ModelFit, last: np.ndarray) -> ModelFit:
-        """Return the verdict on a model that does not fit, with the causes."""
-        change = self._change(last)
-        by: tuple[tuple[str, float], ...] = ()
-        if not change.whole:
-            # A recent change shows only in the last blocks.
-            by = self._explaining_variables(self._blocks) or self._explaining_variables(last)
-        return replace(fit, level=change.level, causes=tuple(change.causes(self._unit)),
-                       explained_by=by)
-
-    def _explaining_variables(self, blocks: np.ndarray) -> tuple[tuple[str, float], ...]:
-        """Return the variables that explain how friction, as a share of the model's, varies.
-
-        Each with its share of the variance, the largest first.
-        """
-        change = self._change(blocks)
-        residual = blocks[:, _RESIDUAL] - change.inertia
-        if rms(residual - change.friction - change.load) ** 2 < _LEFT * rms(residual) ** 2:
-            return ()
-        friction = np.abs(blocks[:, _FRICTION])
-        relative = (residual - change.load) * np.sign(blocks[:, _VELOCITY]) / np.maximum(
-            friction, max(0.3 * np.median(friction), 1e-12))
-        shares = {name: _explained(relative, variable) for name, variable in (
-            ('temperature', blocks[:, _TEMPERATURE]), ('time', blocks[:, _TIME]),
-            ('position', blocks[:, _POSITION]), ('load', blocks[:, _LOAD]),
-            ('speed', np.abs(blocks[:, _VELOCITY])))}
-        least = max(_NAMED_SHARE, max(shares.values()) - _NAMED_MARGIN)
-        return tuple(sorted((item for item in shares.items() if item[1] >= least),
-                            key=lambda item: -item[1]))
+        change = friction_change(blocks[:, _RESIDUAL], blocks[:, _PREDICTED], blocks[:, _FRICTION],
+                                 motion, expected)
+        error = rms(blocks[:, _RESIDUAL] - change.inertia)
+        friction = max(rms(blocks[:, _FRICTION]), 1e-12)
+        limit = max(self.tolerance * friction, LARGER * expected)
+        self._warned = error > limit * (_HYSTERESIS if self._warned else 1.0)
+        fit = ModelFit(True, not self._warned, error / friction, error, unit=self._unit,
+                       as_expected=error > self.tolerance * friction)
+        return fit if fit.fits else replace(
+            fit, level=change.level, causes=tuple(change.causes(self._unit)))
 
 
 def _block_slices(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
@@ -202,24 +144,6 @@ def _block_slices(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
             count = max(1, round((end - begin) / length))
             bounds = np.linspace(begin, end, count + 1).astype(int)
             yield from (slice(a, b) for a, b in zip(bounds[:-1], bounds[1:]))
-
-
-def _explained(values: np.ndarray, variable: np.ndarray) -> float:
-    """Return the share of the variance of values that a variable explains, corrected for chance.
-
-    The variable is divided into bins of equal count. The result is epsilon squared, eta squared of
-    the bin means corrected for its expectation under independence (Kelley 1935).
-    """
-    known = np.isfinite(variable)
-    values, variable = values[known], variable[known]
-    size = len(values)
-    if size < 4 * _BINS or np.ptp(values) <= 0.0 or np.ptp(variable) <= 0.0:
-        return 0.0
-    _, index, count = np.unique(np.searchsorted(quantile_edges(variable, _BINS), variable),
-                                return_inverse=True, return_counts=True)
-    means = np.bincount(index, values) / count
-    within = float(np.sum((values - means[index]) ** 2)) / (size - len(count))
-    return max(0.0, 1.0 - within / float(np.var(values, ddof=1)))
 
 
 class LiveResidual:
