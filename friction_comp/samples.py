@@ -334,7 +334,6 @@ class RecordingInfo:
     # What the compensator reported (`recordings.Activity`), each with the time in s since `start`
     # from which it is valid.
     activity: list[tuple[float, Any]] = field(default_factory=list)
-    turns: float = 0.0  # added to the last position because the sensor wraps around, rad
     effort_is_current: bool = False  # whether efforts were in A already, as a table may declare
     effort_unit: str = ''  # of efforts that are neither torques nor currents
     assumed: tuple[str, ...] = ()  # columns without a unit, with the one that is taken for it

@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 from friction_comp.drive import Drive
-from friction_comp.recordings import condense, read_recording, write_samples
-from friction_comp.recordings.condense import read_condensed
-from friction_comp.recordings.reader import stream_recording_with_info
+from friction_comp.recordings import (
+    read_recording,
+    read_recording_with_info,
+    scan,
+    write_samples,
+    writer,
+)
+from friction_comp.recordings.reader import read_condensed
 from friction_comp.refinement import refine
 from friction_comp.samples import JointStates, Samples
 
@@ -54,7 +59,6 @@ def test_all_signals_are_averaged_alike_and_a_note_says_so(folder):
     assert kept.sample_time == pytest.approx(4.0 / RATE)
     for name in ('time', 'position', 'velocity', 'current'):
         averages = getattr(whole, name)[:len(kept) * 4].reshape(-1, 4).mean(axis=1)
-        # Read in stretches of a minute, each of which may end with less than four.
         assert np.allclose(getattr(kept, name), averages, atol=1e-9)
     assert [samples.recording[0] for samples, _ in found] == [0, 1]
 
@@ -94,7 +98,7 @@ def test_averages_do_not_reach_across_a_gap():
 
 
 @pytest.mark.parametrize('wrapped', [False, True])
-def test_turns_are_continued_between_stretches_and_none_are_added(tmp_path, monkeypatch, wrapped):
+def test_turns_are_continued_between_pieces_and_none_are_added(tmp_path, wrapped):
     """A joint that swings about pi; the second half was recorded after a pause, a turn away."""
     time = np.arange(6000) * 0.01
     late = time > 30.0
@@ -105,13 +109,23 @@ def test_turns_are_continued_between_stretches_and_none_are_added(tmp_path, monk
     whole, = read_recording(tmp_path / 'log')
     for half in (late, ~late):
         assert np.ptp(whole.position[half] - swing[half]) < 1e-6
-    parts = [part for part, _ in stream_recording_with_info(tmp_path / 'log', seconds=7.0)]
-    assert len(parts) > 6
-    assert np.allclose(np.concatenate([part.position for part in parts]), whole.position)
     # Half of the pieces are left out: the joint may have turned in between.
-    monkeypatch.setattr(condense, '_STRETCH', 7.0)
     (kept, info), = read_condensed(tmp_path / 'log', limit=3000)
     assert re.fullmatch(r'the recordings are long: [\d.]+ % of their samples were kept',
                         info.notes[-1])
     assert 500 < len(kept) < 5000
     assert np.allclose(kept.position, np.interp(kept.time, whole.time, whole.position))
+
+
+def test_of_a_very_long_bag_stretches_from_everywhere_are_read(tmp_path, monkeypatch):
+    """As many as the memory takes, and a note says so."""
+    monkeypatch.setattr(writer, '_CHUNK', 20_000)
+    write_samples(tmp_path / 'log', recorded(40.0))
+    whole, = read_recording(tmp_path / 'log')
+    for name, value in (('_BATCH', 500), ('_MOST', 15_000), ('_STRETCH', 1_000_000_000)):
+        monkeypatch.setattr(scan, name, value)
+    (kept, info), = read_recording_with_info(tmp_path / 'log')
+    assert any('the recording is very long: ' in note for note in info.notes)
+    assert 1500 < len(kept) < 8000
+    assert kept.time[-1] > 35.0
+    assert np.isin(kept.position, whole.position).all()

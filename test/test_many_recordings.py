@@ -24,7 +24,7 @@ from friction_comp.cluster import runner_on_cluster
 from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.parallel import Failure, run_each
 from friction_comp.recordings import write_samples
-from friction_comp.recordings.pieces import pieces_of
+from friction_comp.recordings.sources import pieces_of
 from simulated_recordings.drives import excitation_for, random_drive, record
 
 

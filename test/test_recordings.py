@@ -29,7 +29,6 @@ from friction_comp.recordings import (
     read_recording,
     read_recording_with_info,
     recorded_joints,
-    stream_recording_with_info,
     write_samples,
 )
 from friction_comp.recordings.sources import without_topic
@@ -126,7 +125,7 @@ def test_one_joint_of_several(tmp_path):
 
 
 @pytest.mark.parametrize(('ahead', 'text', 'delay'), [
-    (7.0, 'another clock', 0.0), (-7.0, 'another clock', 0.0), (-0.2, 'a late driver', 0.2),
+    (7.0, 'another clock', 0.0), (-7.0, 'another clock', 0.0), (-0.2, None, 0.2),
     (0.01, None, -0.01)])
 def test_a_topic_stamped_by_another_clock(tmp_path, ahead, text, delay):
     """A sensor's computer whose clock is wrong must not shift the load against the motion."""
@@ -182,11 +181,11 @@ def test_empty_stamps_are_replaced_by_receive_times(tmp_path):
     assert info.start == 0.0
     assert info.notes == []
     np.testing.assert_allclose(np.diff(samples.time), 1e-3, atol=1e-9)
-    # Single empty stamps are put onto the clock of the others.
+    # Single empty stamps tell nothing.
     record(tmp_path / 'some', states(
-        stamp=lambda k: 0 if k % 7 == 3 else 1_000_000_000 + k * 1_000_000))
+        stamp=lambda k: 0 if k % 7 == 3 else 9_000_000_000 + k * 1_000_000))
     samples, = read_recording(tmp_path / 'some')
-    np.testing.assert_allclose(samples.time, 1e-3 * np.arange(50), atol=1e-9)
+    assert len(samples) == 43
 
 
 def test_bad_samples_are_left_out_and_counted(tmp_path):
@@ -200,12 +199,11 @@ def test_bad_samples_are_left_out_and_counted(tmp_path):
         (messages[30][0], messages[30][1], messages[31][2]),
         (messages[31][0], messages[31][1], messages[30][2]))
     (samples, info), = read_recording_with_info(record(tmp_path / 'r', messages))
-    expected = np.delete(np.arange(50.0), [3, 9, 12])
+    expected = np.delete(np.arange(50.0), [3, 9, 12, 29])
     np.testing.assert_array_equal(samples.position, expected)
     np.testing.assert_allclose(samples.time, 1e-3 * expected, atol=1e-12)
     assert '3 joint states left out: not finite' in info.notes
-    assert '1 joint states left out: duplicate stamp' in info.notes
-    assert any('out of order' in note for note in info.notes)
+    assert any('2 joint states left out: stamp not later' in note for note in info.notes)
     assert len(info.stamps) == 51
 
 
@@ -337,8 +335,6 @@ def test_joint_and_topic_may_both_hold_slashes(tmp_path, topics, joints, given, 
     np.testing.assert_allclose(
         samples.position, np.sin(0.04 * np.arange(300)) + 0.5 * joints.index(name) + 2.0 * place)
     assert samples.arm.joints == tuple(joints)
-    streamed, *_ = stream_recording_with_info(path, given)
-    assert streamed[0].joint == name
     assert without_topic(path, given) == name
 
 

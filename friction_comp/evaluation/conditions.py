@@ -34,8 +34,7 @@ from friction_comp.evaluation.repetitions import (
     torque_figures,
 )
 from friction_comp.recordings import read_recording_with_info
-from friction_comp.recordings.pieces import Piece, pieces_of
-from friction_comp.recordings.sources import without_topic
+from friction_comp.recordings.sources import Piece, pieces_of, without_topic
 from friction_comp.samples import RecordingInfo, Samples
 from friction_comp.statistics import rms
 

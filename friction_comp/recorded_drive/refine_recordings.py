@@ -41,7 +41,7 @@ def refine_recordings(given: Given, paths: Sequence[Path],
 
     `show` is called with the share 0..1 that is done and a description.
     """
-    from friction_comp.recordings.condense import read_condensed
+    from friction_comp.recordings.reader import read_condensed
 
     joint, model = given.joint, None
     if given.model:

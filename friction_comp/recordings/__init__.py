@@ -17,7 +17,6 @@ if TYPE_CHECKING:
         read_joints,
         read_recording,
         read_recording_with_info,
-        stream_recording_with_info,
     )
     from friction_comp.recordings.sources import find_recording, find_recordings, recorded_joints
     from friction_comp.recordings.writer import RecordingWriter, write_samples
@@ -25,13 +24,12 @@ if TYPE_CHECKING:
 __all__ = [
     'Activity', 'RecordingWriter', 'find_recording', 'find_recordings',
     'read_arm', 'read_joints', 'read_recording', 'read_recording_with_info', 'recorded_joints',
-    'stream_recording_with_info', 'write_samples',
+    'write_samples',
 ]
 
 _HOMES = {
     'activity': ['Activity'],
-    'reader': ['read_arm', 'read_joints', 'read_recording', 'read_recording_with_info',
-               'stream_recording_with_info'],
+    'reader': ['read_arm', 'read_joints', 'read_recording', 'read_recording_with_info'],
     'sources': ['find_recording', 'find_recordings', 'recorded_joints'],
     'writer': ['RecordingWriter', 'write_samples']}
 

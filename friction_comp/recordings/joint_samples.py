@@ -67,46 +67,43 @@ def to_samples(scan: Scan | TableRecording, joint: str | None,
     info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current,
                          linear=scan.linear)
-    values, stamp = own, time_base.message_times(track, info.notes)
-    outlier = time_base.outliers(stamp)
-    shifts = time_base.clock_shifts(stamp[~outlier], track.order[~outlier], track.receive[~outlier],
-                                    info.notes)
-    stamp = shifts.apply(stamp, track.order)
-    position, velocity, effort = values.T[:3]
+    stamp = time_base.message_times(track, info.notes)
+    position, velocity, effort = own.T[:3]
     for name, signal in (('position', position), ('effort', effort)):
         if not np.isfinite(signal).any():
             raise InputError(f'{scan.path}: {track.topic} contains no finite {name} of joint '
                              f'{joint!r}')
     finite = np.isfinite(position) & np.isfinite(effort)
-    usable = finite & ~outlier
-    if not usable.any():
+    # Velocity may be empty; if it mostly is, it is ignored.
+    if finite.any() and np.isfinite(velocity[finite]).mean() >= 0.5:
+        finite &= np.isfinite(velocity)
+    else:
+        velocity = None
+    far = time_base.far_off(stamp)
+    usable = np.flatnonzero(finite & ~far)
+    order = usable[time_base.rising(stamp[usable])]
+    if not len(order):
         raise InputError(f'{scan.path}: {track.topic} never has position and effort of joint '
                          f'{joint!r} together, with a stamp near the others')
-    # Velocity may be empty; if it mostly is, it is ignored.
-    has_velocity = np.isfinite(velocity)
-    if has_velocity[usable].mean() < 0.5:
-        velocity = None
-    else:
-        finite &= has_velocity
     alone = len(scan.joints) == 1
-    order, duplicates = _in_order(stamp, finite & ~outlier, info.notes)
     for reason, count in (
             # Messages of other joints alone have no value of this one.
-            ('not finite', np.count_nonzero(~finite & (np.isfinite(values).any(axis=1) | alone))),
-            ('duplicate stamp', duplicates),
-            ('stamp far off', np.count_nonzero(finite & outlier))):
+            ('not finite', np.count_nonzero(~finite & (np.isfinite(own).any(axis=1) | alone))),
+            ('stamp far off', np.count_nonzero(finite & far)),
+            ('stamp not later than those before, or after the clock was set back',
+             len(usable) - len(order))):
         if count:
             info.notes.append(f'{count} joint states left out: {reason}')
     lost = scan.custom.get('messages_lost', '')
     if lost:
         info.notes.append(f'the recorder lost messages: {lost}')
-    origin = int(stamp[~outlier].min())
+    origin = int(stamp[order[0]])
     info.start = origin * 1e-9
     info.stamps = (stamp - origin) * 1e-9
     info.rows = order
     time = info.stamps[order]
     time_base.note_gaps(time, info.notes)
-    base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts,
+    base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()),
                               info.notes)
     info.activity = [(base.to_state_time(activity.time) - info.start, activity.of(joint))
                      for activity in scan.activity]
@@ -114,7 +111,6 @@ def to_samples(scan: Scan | TableRecording, joint: str | None,
         time=time, position=position[order], current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint), info.notes)
     info.rows = order[kept]
-    info.turns = float(samples.position[-1] - position[info.rows[-1]])
     base.stamp, base.receive = base.stamp[kept], base.receive[kept]
     samples = samples.with_(**time_base.other_signals(
         scan.around(track.topic), joint, joints, base, torque_per_current, info.notes))
@@ -233,7 +229,6 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
     joints = scan.joints
     if not joints:
         raise InputError(f'{scan.path}: joint_states names no joint')
-    joint = scan.selected if joint is None else joint
     # A single joint may have no name in the recording.
     key = '' if joints == [''] else one_of(joints if joint else scan.choices, joint, scan.path)
     joint = joint or key
@@ -244,15 +239,3 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
             f'{", ".join(f"{track.topic}/{joint}" for track in matching)}')
     track = matching[0]
     return track, joint, list(track.names) if key else [joint], track.values[key]
-
-
-def _in_order(stamp: np.ndarray, usable: np.ndarray, notes: list[str]) -> tuple[np.ndarray, int]:
-    """Return the usable rows in time order without duplicate stamps, and how many were dropped."""
-    rows = np.nonzero(usable)[0]
-    times = stamp[rows]
-    if (np.diff(times) < 0).any():
-        notes.append('joint states were out of order: sorted by time')
-        order = np.argsort(times, kind='stable')
-        rows, times = rows[order], times[order]
-    fresh = np.concatenate(([True], np.diff(times) > 0))
-    return rows[fresh], int(np.count_nonzero(~fresh))

@@ -1,29 +1,37 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads recordings as samples: one joint's signals at the times of its joint states."""
+"""Reads recordings as samples: one joint's signals at the times of its joint states.
+
+Of long or many recordings, a few samples at a time are averaged, all signals over the same ones, so
+that they are filtered alike. If there are still too many at the lowest rate, only pieces spread
+evenly over all recordings are kept.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import reduce
+import math
 
 import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.facts.timing import gap_length
 from friction_comp.recordings import joint_samples, sources
-from friction_comp.recordings.scan import Scan, Track
+from friction_comp.recordings.scan import Scan
 from friction_comp.recordings.sources import Progress
 from friction_comp.recordings.storage import AnyPath
-from friction_comp.recordings.time_base import GAPS
 from friction_comp.samples import RecordingInfo, Samples
+from friction_comp.statistics import evenly_spread
 from friction_comp.tables.columns import Layout
 from friction_comp.tables.table_recording import TableRecording
 
-# Other topics are read this far beyond the end of a stretch, ns: a recorder may write them later.
-_MARGIN = 2_000_000_000
+LIMIT = 400_000
+"""Most samples of one fit: about 600 MB of working memory, ten times most recordings."""
+# Lowest rate of averages, Hz: averages over a longer time hide friction at a reversal; and the
+# length of a piece that is kept or left out, s.
+_SLOWEST_RATE, _PIECE = 100.0, 10.0
 
 
 def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
@@ -139,152 +147,74 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
 
 def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joint: str | None,
               layout: Layout | None, others: bool = True) -> Iterator[Scan | TableRecording]:
-    """Yield the scan of each recording, and report the progress of all."""
+    """Yield each recording, and report the progress of all."""
     recordings = sources.find_recordings(paths)
     for index, path in enumerate(recordings):
         report = sources.part_of(progress, index, len(recordings))
-        own = layout and layout.of_recording(index, len(recordings))
-        scanner = sources.open_scanner(path, joint, own, others)
-        if isinstance(scanner, TableRecording):
-            yield scanner
-            report(1.0)
-            continue
-        parts: dict[str, list[Track]] = {}
-        for scan in scanner.scans():
-            for track in scan.tracks:
-                parts.setdefault(track.topic, []).append(track)
-            report(scanner.progress)
-        yield replace(scan, tracks=[Track.concatenate(tracks) for tracks in parts.values()])
+        yield sources.open_recording(path, joint, layout and layout.of_recording(
+            index, len(recordings)), others, report)
         report(1.0)
 
 
-def stream_recording_with_info(path: AnyPath, joint: str | None = None,
-                               torque_per_current: float = 1.0, seconds: float = 60.0,
-                               progress: Progress | None = None, layout: Layout | None = None,
-                               others: bool = False) -> Iterator[tuple[Samples, RecordingInfo]]:
-    """Read one joint of one recording in stretches of some seconds, each with its `RecordingInfo`.
+@dataclass(frozen=True)
+class Averaging:
+    """Averaging over `length` samples at a time, after which a share of all pieces is kept."""
 
-    Concatenated, the stretches equal the result of `read_recording_with_info`, except that signals
-    are interpolated and checked within each: a signal that covers less than half of a stretch is
-    None there. The last item has no samples, but the notes on the whole recording. Raises
-    InputError if the recording, the joint or a value cannot be used.
-    """
-    scanner = sources.open_scanner(sources.find_recording(path), joint, layout, others)
-    if isinstance(scanner, TableRecording):
-        # It is bounded, and read as a whole.
-        whole, about = _read_joint(scanner, joint, torque_per_current, others)
-        if progress:
-            progress(1.0)
-        yield whole, about
-        yield whole.take(slice(0, 0)), about
-        return
-    clock, turns = _CommonClock(), _Turns()
-    info = None
-    for scan in _stretches(scanner.scans(), round(seconds * 1e9)):
-        if info is not None and not scan.of('joint_states'):
-            info.notes = list(scan.notes)
-            break
-        samples, info = _read_joint(scan, joint, torque_per_current, others)
-        if progress:
-            progress(scanner.progress)
-        # Gaps are counted over all stretches.
-        info.notes = [note for note in info.notes if GAPS not in note]
-        samples = turns.continued(clock.convert(samples, info), info)
-        yield samples, info
-    assert info is not None
-    if clock.gaps:
-        info.notes.append(f'{len(clock.gaps)}{GAPS}, the longest of {max(clock.gaps):.3g} s')
-    yield samples.take(slice(0, 0)), info
+    length: int = 1
+    share: float = 1.0
 
-
-def _stretches(scans: Iterator[Scan], length: int) -> Iterator[Scan]:
-    """Yield stretches of `length` ns; the last contains the rest, perhaps without joint states."""
-    tracks: dict[str, Track] = {}
-    for scan in scans:
-        for track in scan.tracks:
-            before = tracks.get(track.topic)
-            tracks[track.topic] = Track.concatenate([before, track] if before else [track])
-        while stretch := _next_stretch(tracks, length):
-            yield replace(scan, tracks=stretch)
-    yield replace(scan, tracks=[track for track in tracks.values() if len(track)])
-
-
-def _next_stretch(tracks: dict[str, Track], length: int) -> list[Track]:
-    """Remove the next stretch from the tracks and return it; empty until enough has been read."""
-    states = next((track for track in tracks.values() if track.signal == 'joint_states'), None)
-    if states is None or not len(states):
-        return []
-    times = states.receive - states.receive[0]
-    size = int(np.argmax(times >= length))
-    if not size or times.max() < length + _MARGIN:
-        return []
-    end = int(states.receive[size])
-    stretch = []
-    for topic, track in tracks.items():
-        late = track.receive >= end
-        if track.signal == 'joint_states':
-            size = int(np.argmax(late)) if late.any() else len(track)
-            stretch.append(track.take(slice(0, size)))
-            tracks[topic] = track.take(slice(size, None))
-        else:
-            stretch.append(track)
-            # Keep what signals need to have a value at the beginning of the next stretch.
-            earlier = np.flatnonzero(track.receive < end - _MARGIN)
-            tracks[topic] = track.take(slice(int(earlier[-1]) if len(earlier) else 0, None))
-    return [track for track in stretch if len(track)]
-
-
-class _CommonClock:
-    """Converts times of all stretches to s since the first began; collects lengths of gaps, s."""
-
-    def __init__(self) -> None:
-        self.gaps: list[float] = []
-        self._origin: float | None = None
-        self._last = 0.0
-
-    def convert(self, samples: Samples, info: RecordingInfo) -> Samples:
-        """Return the next stretch with converted times, and convert those of its info."""
-        if self._origin is None:
-            self._origin = info.start
-        offset = info.start - self._origin
-        time = samples.time + offset
-        if self._last > 0 and time[0] <= self._last:
-            set_back = self._last - time[0]
-            if set_back > 1.0:
-                shift = set_back + 10.0 * samples.sample_time
-                self._origin -= shift
-                offset, time = offset + shift, time + shift
-                info.notes.append(f'the clock was set back by {set_back:.3g} s after '
-                                  f'{self._last:.3f} s: later times are shifted')
-            else:
-                fresh = time > self._last
-                samples, time = samples.take(fresh), time[fresh]
-        if len(time):
-            steps = np.diff(time, prepend=self._last or time[0])
-            self.gaps.extend(float(step) for step in steps[steps > gap_length(steps)])
-            self._last = float(time[-1])
-        info.start = self._origin
-        info.activity = [(begin + offset, activity) for begin, activity in info.activity]
-        return samples.with_(time=time)
-
-
-class _Turns:
-    """Continues a wrapped angle across stretches, within each of which it was unwrapped."""
-
-    def __init__(self) -> None:
-        self._offset = 0.0
-        self._last: tuple[float, float] | None = None  # time (s) and position of the last sample
-
-    def continued(self, samples: Samples, info: RecordingInfo) -> Samples:
-        """Return the next stretch, with the turns of those before it."""
-        if not len(samples):
+    def apply(self, samples: Samples) -> Samples:
+        """Return the averages of samples that are kept."""
+        samples = samples.averaged(self.length)
+        if self.share >= 1.0 or not len(samples):
             return samples
-        position = samples.position + self._offset
-        # As within a stretch, only a jump between neighbours is a wrapped angle.
-        if self._last is not None and samples.time[0] - self._last[0] <= gap_length(
-                np.diff(samples.time)):
-            turns = 2.0 * np.pi * round((position[0] - self._last[1]) / (2.0 * np.pi))
-            self._offset, position = self._offset - turns, position - turns
-        self._offset += info.turns
-        self._last = float(samples.time[-1]), float(position[-1])
-        return samples.with_(position=position)
+        piece = np.floor(samples.time / _PIECE) + 7919 * samples.recording
+        return samples.take(evenly_spread(piece) < self.share)
+
+    def __str__(self) -> str:
+        share = f'{100 * self.share:.3g} %'
+        if self.length == 1:
+            return f'the recordings are long: {share} of their samples were kept'
+        kept = f', and {share} of them kept' if self.share < 1.0 else ''
+        return (f'{self.length} samples at a time were averaged{kept}: the recordings are long; '
+                'errors are those of the averages')
+
+
+def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
+                   torque_per_current: float = 1.0, progress: Progress | None = None,
+                   layout: Layout | None = None, limit: int = LIMIT
+                   ) -> list[tuple[Samples, RecordingInfo]]:
+    """Read recordings of one joint as `read_recording_with_info` does, in limited memory.
+
+    More than about `limit` samples of all recordings together are averaged, and a note says so.
+    """
+    recordings = sources.find_recordings(paths)
+    sizes = [sources.size_of(path) for path in recordings]
+    read: dict[int, tuple[Samples, RecordingInfo]] = {}
+    averaging = None
+    # By the largest one, it is known how many samples there are.
+    for done, index in enumerate(sorted(range(len(sizes)), key=lambda k: -sizes[k])):
+        own = layout and layout.of_recording(index, len(recordings))
+        scan = sources.open_recording(recordings[index], joint, own, True, sources.part_of(
+            progress, done, len(recordings)))
+        samples, info = _read_joint(scan, joint, torque_per_current, True)
+        if averaging is None:
+            averaging = _averaging(samples, len(samples) * sum(sizes) / max(sizes[index], 1), limit)
+        kept = averaging.apply(samples.with_(recording=np.full(len(samples), index)))
+        if not len(kept):
+            raise InputError(f'{info.path}: has too few samples of joint {info.joint!r}')
+        if averaging != Averaging():
+            info.stamps = info.rows = None
+        read[index] = kept, info
+    if averaging != Averaging():
+        read[0][1].notes.append(str(averaging))
+    return joint_samples.number_recordings(read[index] for index in range(len(recordings)))
+
+
+def _averaging(samples: Samples, total: float, limit: int) -> Averaging:
+    """Return how about `limit` samples are made of a `total` of samples like these."""
+    if total <= limit:
+        return Averaging()
+    longest = max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
+    length = min(math.ceil(total / limit), longest)
+    return Averaging(length, min(1.0, limit * length / total))

@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+import math
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from rosbags.typesys.store import Typestore
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
 from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
 from friction_comp.stamps import NANO
+from friction_comp.statistics import evenly_spread
 from friction_comp.tables.columns import STATES
 from friction_comp.tables.units import Unit
 from friction_comp.topics import TOPICS, TORQUE_UNIT
@@ -33,6 +35,9 @@ _TYPES = {**TOPICS, _DYNAMIC: 'control_msgs/msg/DynamicJointState'}
 _ARRAYS = ('current_command', 'direction')
 MOST_NAMES = 200
 """Most joints, or values of a joint, in one message: a corrupt one could fill the memory."""
+# Messages that are decoded at once; most numbers of one topic that are kept, and the length of the
+# stretches that are kept or left out if there are more, ns.
+_BATCH, _MOST, _STRETCH = 20_000, 50_000_000, 10 * NANO
 
 
 def message_types() -> Typestore:
@@ -97,7 +102,7 @@ class Track:
 
 @dataclass
 class Scan:
-    """Raw contents of one recording, or of a stretch of it with the notes so far."""
+    """Raw contents of one bag."""
 
     path: Path
     tracks: list[Track]
@@ -106,7 +111,6 @@ class Scan:
     custom: dict[str, str] = field(default_factory=dict)    # custom_data of rosbag2's metadata
     activity: list[Activity] = field(default_factory=list)
     effort_is_current: bool = False        # whether efforts are in A, as tables may declare
-    selected: str | None = None            # the joint to read if none is named
     linear: bool = False                   # whether positions are in m and efforts in N
 
     def of(self, signal: str) -> list[Track]:
@@ -215,95 +219,86 @@ def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]
     return kept, in_ampere, [f'{dynamic[0].topic} is used, since no joint_states hold an effort']
 
 
-class MessageScanner:
-    """Reads one bag in batches of messages per topic.
+def read_bag(path: Path, joint: str | None = None, others: bool = True,
+             units: Mapping[str, Unit] | None = None,
+             progress: Callable[[float], None] = lambda share: None,
+             first: float = math.inf) -> Scan:
+    """Return what a bag holds of all joints, or of `joint` and, if wanted, the `others`.
 
-    All joints are read or only one, with the `others` of its topic if these are wanted.
+    Only the beginning is read until there are `first` joint states. Of a very long recording, only
+    stretches evenly spread over it are kept. Raises InputError if it cannot be read.
     """
-
-    def __init__(self, path: Path, joint: str | None = None, batch: int = 20_000,
-                 units: Mapping[str, Unit] | None = None, others: bool = False) -> None:
-        with unreadable_on_error(path):
-            self._storage = Storage(path)
-        self._batch, self._units = batch, units or {}
-        self._types = message_types()
-        self._topics: dict[str, _TopicReader] = {}
-        self._activity = ActivityLog()
-        self._joint, self._others = joint, others
-
-    @property
-    def progress(self) -> float:
-        """Share of the recording that has been read."""
-        return self._storage.progress
-
-    def scans(self) -> Iterator[Scan]:
-        """Yield a scan after each batch of joint states, and the rest at the end."""
-        begin = 0
-        with unreadable_on_error(self._storage.path):
-            for index, (topic, kind, receive, raw) in enumerate(
-                    self._storage.messages(self._is_wanted)):
-                begin = begin or receive
-                reader = self._topics.get(topic)
-                if reader is None:
-                    reader = self._topics[topic] = _TopicReader(
-                        topic, kind, self._signal(topic, kind) or '',
-                        None if self._others else self._joint, self._types)
-                try:
-                    if kind == DIAGNOSTICS:
-                        self._activity.add(
-                            receive, self._types.deserialize_cdr(unpack(raw), kind), begin)
-                    else:
-                        reader.add(receive, index, unpack(raw))
-                # A broken message may raise anything.
-                except Exception:
-                    reader.broken += 1
-                if reader.count >= self._batch and reader.signal in ('joint_states', _DYNAMIC):
-                    yield self._scan()
-            yield self._scan()
-
-    def _signal(self, topic: str, kind: str) -> str | None:
+    def signal(topic: str, kind: str) -> str | None:
         # Joint states may have any name if the user gives it.
-        named = kind == TOPICS['joint_states'] and (self._joint or '').startswith(f'{topic}/')
+        named = kind == TOPICS['joint_states'] and (joint or '').startswith(f'{topic}/')
         return signal_of(topic, kind) or ('joint_states' if named else None)
 
-    def _is_wanted(self, topic: str, kind: str) -> bool:
-        return kind == DIAGNOSTICS or self._signal(topic, kind) is not None
+    types, readers, activity = message_types(), dict[str, _TopicReader](), ActivityLog()
+    share, begin = 1.0, 0
+    with unreadable_on_error(path):
+        storage = Storage(path)
+        for index, (topic, kind, receive, raw) in enumerate(storage.messages(
+                lambda topic, kind: kind == DIAGNOSTICS or signal(topic, kind) is not None)):
+            begin = begin or receive
+            if share < 1.0 and evenly_spread(receive // _STRETCH) >= share:
+                continue
+            reader = readers.get(topic)
+            if reader is None:
+                reader = readers[topic] = _TopicReader(
+                    topic, kind, signal(topic, kind) or '', None if others else joint, types)
+            try:
+                if kind == DIAGNOSTICS:
+                    activity.add(receive, types.deserialize_cdr(unpack(raw), kind), begin)
+                else:
+                    reader.add(receive, index, unpack(raw))
+            # A broken message may raise anything.
+            except Exception:
+                reader.broken += 1
+            if reader.waiting >= _BATCH:
+                reader.decode()
+                progress(storage.progress)
+                if storage.progress > 0.01:
+                    share = min(share, _MOST * storage.progress / max(reader.values, 1))
+            if reader.signal in ('joint_states', _DYNAMIC) and reader.count >= first:
+                break
+    tracks, in_ampere, notes = _with_effort([
+        track for reader in readers.values() if (track := reader.track()) is not None])
+    notes += [f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
+              f'{MOST_NAMES} joints' for reader in readers.values() if reader.broken]
+    if share < 1.0:
+        notes.append(f'the recording is very long: {100.0 * share:.3g} % of it were read, in '
+                     f'stretches of {_STRETCH / NANO:g} s')
+    dimensions = {unit.dimension for unit in (units or {}).values()}
+    return Scan(
+        path, [_in_si(track, units or {}) for track in tracks], storage.topics,
+        storage.notes + notes, storage.custom, activity.changes,
+        effort_is_current=in_ampere or 'current' in dimensions,
+        linear=bool(dimensions & {'length', 'length/time', 'force'}))
 
-    def _scan(self) -> Scan:
-        storage, readers = self._storage, self._topics.values()
-        tracks = [track for reader in readers if (track := reader.take()) is not None]
-        notes = storage.notes + [
-            f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
-            f'{MOST_NAMES} joints' for reader in readers if reader.broken]
-        tracks, in_ampere, more = _with_effort(tracks)
-        dimensions = {unit.dimension for unit in self._units.values()}
-        return Scan(
-            storage.path, [self._in_si(track) for track in tracks], storage.topics, notes + more,
-            storage.custom, list(self._activity.changes),
-            effort_is_current=in_ampere or 'current' in dimensions,
-            linear=bool(dimensions & {'length', 'length/time', 'force'}))
 
-    def _in_si(self, track: Track) -> Track:
-        if track.signal != 'joint_states' or not self._units:
-            return track
-        factors = [self._units[signal].factor if signal in self._units else 1.0
-                   for signal in STATES]
-        return replace(track, values={
-            joint: values[:, :len(factors)] * factors for joint, values in track.values.items()})
+def _in_si(track: Track, units: Mapping[str, Unit]) -> Track:
+    if track.signal != 'joint_states' or not units:
+        return track
+    factors = [units[signal].factor if signal in units else 1.0 for signal in STATES]
+    return replace(track, values={
+        joint: values[:, :len(factors)] * factors for joint, values in track.values.items()})
 
 
 class _TopicReader:
     def __init__(self, topic: str, kind: str, signal: str, joint: str | None,
                  types: Typestore) -> None:
         self.topic, self.signal = topic, signal
-        self.count = self.broken = 0    # messages since the last call, and those without sense
+        # Messages, those that wait to be decoded and without sense, and numbers that were decoded.
+        self.count = self.waiting = self.broken = self.values = 0
         self._kind, self._joint, self._types = kind, joint, types
         # Times of receipt and stamps in ns, index and rows of messages that hold the same names.
         self._rows: dict[Any, list[tuple[int, int, int, np.ndarray]]] = {}
         self._states: list[_States] = []
+        self._tracks: list[Track] = []
 
     def add(self, receive: int, index: int, raw: bytes) -> None:
         """Add a message, received at a time in ns; raises an error if it makes no sense."""
+        self.waiting += 1
         self.count += 1
         if self._states and self._states[-1].add(receive, index, raw):
             return
@@ -319,19 +314,24 @@ class _TopicReader:
         self._rows.setdefault((names, rows.shape), []).append((
             receive, stamp.sec * NANO + stamp.nanosec if stamp else 0, index, rows))
 
-    def take(self) -> Track | None:
-        """Return the messages since the last call; None if there are none."""
-        parts = [self._track(names, *map(np.array, zip(*messages)))
+    def decode(self) -> None:
+        """Decode the messages that wait, and release them."""
+        parts = [self._part(names, *map(np.array, zip(*messages)))
                  for (names, _), messages in self._rows.items()]
-        parts += [self._track(states.names, *states.decoded()) for states in self._states]
-        self._rows, self._states, self.count = {}, [], 0
-        if not parts:
-            return None
-        track = Track.concatenate(parts)
-        return track if len(parts) == 1 else track.take(np.argsort(track.order))
+        parts += [self._part(states.names, *states.decoded()) for states in self._states]
+        self._rows, self._states, self.waiting = {}, [], 0
+        if parts:
+            track = Track.concatenate(parts)
+            self._tracks.append(track if len(parts) == 1 else track.take(np.argsort(track.order)))
+            self.values += sum(values.size for values in self._tracks[-1].values.values())
 
-    def _track(self, names: tuple[str, ...], receive: np.ndarray, stamp: np.ndarray,
-               order: np.ndarray, rows: np.ndarray) -> Track:
+    def track(self) -> Track | None:
+        """Return all messages; None if there are none."""
+        self.decode()
+        return Track.concatenate(self._tracks) if self._tracks else None
+
+    def _part(self, names: tuple[str, ...], receive: np.ndarray, stamp: np.ndarray,
+              order: np.ndarray, rows: np.ndarray) -> Track:
         return Track(self.topic, self.signal, receive, stamp, order,
                      [] if self.signal in _ARRAYS else list(names), {
                          name: rows[:, k].copy() for k, name in enumerate(names)

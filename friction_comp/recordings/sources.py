@@ -5,12 +5,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+import math
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.recordings.scan import MessageScanner
+from friction_comp.recordings.scan import read_bag, Scan
 from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
 from friction_comp.tables.columns import Layout, STATES
 from friction_comp.tables.table_files import is_table, parts_of, TABLES
@@ -98,11 +99,12 @@ def _expand(path: Path) -> Iterator[Path]:
                 yield from _expand(child)
 
 
-def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
-                 others: bool = False, **options: Any) -> MessageScanner | TableRecording:
-    """Return a reader of a recording by ``batch`` messages, of all joints or `joint`; or a table.
+def open_recording(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
+                   others: bool = True, progress: Progress | None = None, first: float = math.inf
+                   ) -> Scan | TableRecording:
+    """Return a bag's content or a table: of all joints or `joint`, with `others` if wanted.
 
-    With `others`, it also reads the joints that belong together with `joint`.
+    Of a bag, only the beginning is read until there are `first` joint states.
     """
     path = Path(path)
     if is_table(path) and not path.is_dir():
@@ -120,7 +122,7 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
     if layout.stiffness:
         raise InputError(f'{path}: --stiffness and --damping need a table: convert the recording '
                          'with the tool convert')
-    return MessageScanner(path, joint, units=units, others=others, **options)
+    return read_bag(path, joint, others, units, progress or (lambda share: None), first)
 
 
 def without_topic(path: AnyPath, joint: str | None) -> str | None:
@@ -128,7 +130,7 @@ def without_topic(path: AnyPath, joint: str | None) -> str | None:
     path = Path(path)
     if not (joint or '').startswith('/') or (is_table(path) and not path.is_dir()):
         return joint
-    return next(MessageScanner(path, joint, _FIRST_MESSAGES).scans()).chosen(joint)[1]
+    return read_bag(path, joint, first=_FIRST_MESSAGES).chosen(joint)[1]
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
@@ -137,8 +139,36 @@ def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     Those in several topics are /TOPIC/NAME. If the layout names the columns of one joint, it is
     that joint only. Raises InputError if the recording cannot be read.
     """
-    scanner = open_scanner(path, layout=layout, batch=_FIRST_MESSAGES)
-    if isinstance(scanner, TableRecording):
-        return scanner.choices
-    scan = next(scanner.scans())
-    return scan.choices if scan.selected is None else [scan.selected]
+    return open_recording(path, layout=layout, first=_FIRST_MESSAGES).choices
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One joint of one recording, or the whole recording where the joint is None."""
+
+    path: Path
+    joint: str | None
+    layout: Layout | None = None
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+
+def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
+              layout: Layout | None = None) -> tuple[list[Piece], list[str]]:
+    """Return the pieces that can be used, and the reasons why other recordings cannot.
+
+    `paths` are recordings or folders of them, `layout` has the columns of tables.
+    """
+    pieces: list[Piece] = []
+    failures: list[str] = []
+    found = find_recordings([Path(path) for path in paths])
+    for index, path in enumerate(found):
+        own = layout and layout.of_recording(index, len(found))
+        try:
+            names = [joint] if joint is not None else recorded_joints(path, own) or ['']
+        except InputError as error:
+            failures.append(str(error))
+        else:
+            pieces.extend(Piece(path, name or None, own) for name in names)
+    return pieces, failures

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,20 +15,15 @@ from friction_comp.recordings.scan import Scan, Track
 from friction_comp.stamps import NANO
 from friction_comp.topics import TORQUE_UNIT
 
-# A first stamp of zero is a time rather than an empty field if the next one is below this, ns.
-_LARGEST_AFTER_ZERO = NANO
-# With at least so many successive messages of earlier stamps, the clock was set back; with fewer,
-# messages are out of order.
-_SET_BACK = 20
-# Distance of a stamp from its neighbours above which it is an outlier, ns.
+# Distance of a stamp from its neighbours above which it is far off, and of the clocks of two topics
+# above which they are different ones, since no message is as late, ns.
 _FAR_OFF = NANO
+# With so many successive messages of earlier stamps, the clock was set back; fewer are out of
+# order.
+_SET_BACK = 20
 # Time for which a person's torque or the motion may be interpolated, s; a driver does not keep the
 # current of a command for longer (the plant's `command_timeout`).
 HOLE = 0.1
-GAPS = ' gaps in the joint states'
-# Stamps that are so many s older or newer than those of joint states received at the same time are
-# noted; beyond the second number they are of another clock, since no message is as late.
-_NOTED, _OTHER_CLOCK = 0.1, 1.0
 # Topics that are interpolated, and the signals in their columns.
 _INTERPOLATED = {
     'reference': ('reference_position', 'reference_velocity'),
@@ -36,48 +31,20 @@ _INTERPOLATED = {
 }
 
 
-@dataclass
-class Shifts:
-    """Offsets in ns that make time increase across clock resets.
-
-    Each is added to the messages from one on, identified by `Track.order`.
-    """
-
-    at: list[int] = field(default_factory=list)
-    by: list[int] = field(default_factory=list)
-
-    def apply(self, times: np.ndarray, order: np.ndarray) -> np.ndarray:
-        """Return the shifted times of messages in ns, shape (N,)."""
-        index = np.searchsorted(self.at, order, side='right')
-        return times + np.array([0, *self.by], dtype=np.int64)[index]
-
-
 def message_times(track: Track, notes: list[str]) -> np.ndarray:
-    """Return the time of each message in ns: its stamp, or the receive time where that is zero."""
-    stamp, receive = track.stamp, track.receive
-    empty = stamp == 0
-    if empty.all():
+    """Return the time of each message in ns: its stamp, or the receive time if most have none."""
+    stamp = track.stamp
+    if np.count_nonzero(stamp) < 0.5 * len(stamp):
         notes.append('stamps are zero: receive times are used')
-        return receive
-    if not empty.any():
-        if len(stamp) > 20 and len(np.unique(stamp)) < len(stamp) // 10:
-            notes.append('stamps hardly change: receive times are used')
-            return receive
-        return stamp
-    filled = np.nonzero(~empty)[0]
-    if filled[0] > 0 and not empty[filled[0]:].any() and stamp[filled[0]] < _LARGEST_AFTER_ZERO:
-        return stamp    # simulated time, which begins at zero
-    # Stamps may be of another clock, to which the receive times are converted.
-    notes.append(f'{np.count_nonzero(empty)} stamps are zero: receive times are used for them')
-    offset = stamp[filled] - receive[filled]
-    nearest = np.searchsorted(filled, np.nonzero(empty)[0]).clip(0, len(filled) - 1)
-    repaired = stamp.copy()
-    repaired[empty] = receive[empty] + offset[nearest]
-    return repaired
+        return track.receive
+    if len(stamp) > 20 and len(np.unique(stamp)) < len(stamp) // 10:
+        notes.append('stamps hardly change: receive times are used')
+        return track.receive
+    return stamp
 
 
-def outliers(times: np.ndarray) -> np.ndarray:
-    """Return which times are outliers among their neighbours, bool, shape (N,)."""
+def far_off(times: np.ndarray) -> np.ndarray:
+    """Return which times in ns, shape (N,), are single ones far from their neighbours."""
     if len(times) < 5:
         return np.zeros(len(times), dtype=bool)
     elapsed = (times - times[0]).astype(float)
@@ -85,29 +52,14 @@ def outliers(times: np.ndarray) -> np.ndarray:
     return np.abs(elapsed - np.median(neighbours, axis=1)) > _FAR_OFF
 
 
-def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
-                 notes: list[str]) -> Shifts:
-    """Return the offsets with which times continue to increase after the clock was set back.
-
-    The step across each reset is that of the receive times, or else twice the shortest gap.
-    """
-    shifts = Shifts()
-    steps = np.diff(times)
-    shift = 0
-    for k in np.nonzero(steps < 0)[0] + 1:
-        following = times[k:k + _SET_BACK]
-        if (len(following) < _SET_BACK or following.max() >= times[k - 1]
-                or (np.diff(following) < 0).any()):
-            continue
-        elapsed = int(receive[k] - receive[k - 1])
-        gap = elapsed if elapsed > 0 else round(2.0 * NANO * gap_length(1e-9 * steps))
-        back = int(times[k - 1] - times[k])
-        shift += back + gap
-        shifts.at.append(int(order[k]))
-        shifts.by.append(shift)
-        notes.append(f'the clock was set back by {back / NANO:.3g} s after '
-                     f'{(times[k - 1] - times[0]) / NANO:.3f} s: later times are shifted')
-    return shifts
+def rising(times: np.ndarray) -> np.ndarray:
+    """Return which times in ns, shape (N,), are later than all before; none after a set-back."""
+    latest = np.maximum.accumulate(times)
+    later = np.concatenate(([True], latest[1:] > latest[:-1]))[:len(times)]
+    if len(times) >= _SET_BACK:
+        back = np.convolve(times < latest, np.ones(_SET_BACK), 'valid') >= _SET_BACK
+        later[int(np.argmax(back)) if back.any() else len(times):] = False
+    return later
 
 
 def at_times(times: np.ndarray, own: np.ndarray, values: np.ndarray, hole: float = 0.0,
@@ -134,7 +86,8 @@ def note_gaps(times: np.ndarray, notes: list[str]) -> None:
     """Note gaps in joint states; times in s, ascending, shape (N,)."""
     _, gaps, longest, before = rhythm(times)
     if gaps:
-        notes.append(f'{gaps}{GAPS}, the longest of {longest:.3g} s after {before:.3f} s')
+        notes.append(f'{gaps} gaps in the joint states, the longest of {longest:.3g} s after '
+                     f'{before:.3f} s')
 
 
 @dataclass
@@ -144,44 +97,34 @@ class TimeBase:
     stamp: np.ndarray
     receive: np.ndarray
     stamped: bool  # whether the joint states have stamps
-    shifts: Shifts
     notes: list[str]
 
     def pair(self, track: Track) -> tuple[np.ndarray, np.ndarray]:
-        """Return times of the joint states and of another topic, ns: stamps if both have them."""
+        """Return times of the joint states and of another topic, ns: stamps of one clock if any."""
         if not self.stamped or not track.stamp.any():
             return self.receive, track.receive
-        times = self.shifts.apply(track.stamp, track.order)
-        return self.stamp, times - self._other_clock(track, times)
-
-    def _other_clock(self, track: Track, times: np.ndarray) -> int:
-        """Return how far the clock of a topic's stamps is ahead of the joint states', ns."""
         receive = track.receive
+        ahead = track.stamp - receive - np.interp(receive, self.receive, self.stamp - self.receive)
         together = (receive >= self.receive[0]) & (receive <= self.receive[-1])
-        if not together.any():
-            return 0
-        ahead = times - receive - np.interp(receive, self.receive, self.stamp - self.receive)
-        low, middle, high = np.quantile(ahead[together], (0.1, 0.5, 0.9)) / NANO
+        low, middle, high = np.quantile(
+            ahead[together] if together.any() else 0.0, (0.1, 0.5, 0.9))
         # Without times of receipt, this varies as much as the times.
-        if high - low > _OTHER_CLOCK or abs(middle) < _NOTED:
-            return 0
-        other = abs(middle) > _OTHER_CLOCK
-        note = (f'{track.topic}: its stamps are {abs(middle):.2g} s '
-                f'{"ahead of" if middle > 0.0 else "behind"} those of the joint states that were '
-                'received with them: ' + (
-                    'another clock, set to theirs' if other else
-                    'a late driver, or clocks that differ'))
+        if not abs(middle) > _FAR_OFF or high - low > _FAR_OFF:
+            return self.stamp, track.stamp
+        note = (f'{track.topic}: its stamps are {abs(middle) / NANO:.2g} s off those of the joint '
+                'states, of another clock: receive times are used')
         if note not in self.notes:
             self.notes.append(note)
-        return round(NANO * middle) if other else 0
+        return self.receive, receive
 
     def _finite_values(self, track: Track, values: np.ndarray
                        ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the times of `pair`, the other topic's in ascending order, and finite values."""
+        """Return the times of `pair`, the other topic's where they rise, and finite values."""
         times, other_times = self.pair(track)
         finite = np.isfinite(values)
-        order = np.argsort(other_times[finite], kind='stable')
-        return times, other_times[finite][order], values[finite][order]
+        finite &= ~far_off(other_times)
+        later = rising(other_times[finite])
+        return times, other_times[finite][later], values[finite][later]
 
     def to_state_time(self, receive: Any) -> Any:
         """Convert receive times in ns to the clock of the joint states, s."""
