@@ -99,23 +99,6 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         **measured_signals), settings.get('lag') or 0.0)
 
 
-def filtered_as_acceleration(values: np.ndarray, samples: Samples, settings: dict[str, Any]
-                             ) -> np.ndarray:
-    """Return values, (N,) or (N, M), behind the filter that `differentiate` is to acceleration.
-
-    This is the low pass, and for each of the two central differences of a position the mean over
-    two steps of a signal that is straight between its samples.
-    """
-    result, differences = np.array(values, dtype=float), 2 * (settings.get('source') != 'velocity')
-    for part in samples.segments():
-        own = _smooth(result[part], samples.sample_time, settings.get('bandwidth'))
-        for _ in range(differences):
-            ends = np.concatenate((own[:1], own, own[-1:]))
-            own = 0.25 * ends[:-2] + 0.5 * own + 0.25 * ends[2:]
-        result[part] = own
-    return result
-
-
 def prepared_signal(samples: Samples, values: np.ndarray, bandwidth: float | None = None,
                     lag: float | None = None) -> np.ndarray:
     """Return a measured signal as it was at the sensor, without noise above a bandwidth, (N,).

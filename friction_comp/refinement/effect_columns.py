@@ -69,22 +69,6 @@ class Term:
         """What it is, of which form, constants or the width of a group are one choice."""
         return self.kind.form_of or self.kind, self.group and replace(self.group, width=0.0)
 
-    def same_effect(self, other: Term, span: float) -> bool:
-        """Return whether another term is the same effect with similar constants.
-
-        `span` is the range of position, rad.
-        """
-        if self.choice != other.choice:
-            return False
-        if self.kind.max_count == 1:
-            return True
-        for name in ('frequency', 'position'):
-            if name in self.constants:
-                width = (2.0 * math.pi / span if name == 'frequency'
-                         else max(self.constants['width'], other.constants['width']))
-                return bool(abs(self.constants[name] - other.constants[name]) < width)
-        return True
-
 
 def eq6_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
     """Return Eq. 6 as columns, shape (N, EQ6_COLUMNS): constant, transition, viscous, derivatives.

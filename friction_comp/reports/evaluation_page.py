@@ -110,7 +110,7 @@ def verdict(evaluation: Evaluation) -> str:
 def _nothing_to_compare(evaluation: Evaluation) -> str:
     if evaluation.measured:
         return ('The effect of announcing the direction is unknown: no movement was recorded both '
-                'with it (d = ±1) and without (d = 0, or no compensation).')
+                'with it (d = ±1) and without (d = 0, or no compensation) under the same law.')
     unused = list(dict.fromkeys(note for note in evaluation.notes
                                 if 'interaction_wrench' in note and note.endswith(': not used')))
     known = ('**The back-driving torque is not known.** ' + '; '.join(unused) + '.' if unused
