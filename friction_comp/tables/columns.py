@@ -15,7 +15,6 @@ import re
 
 import numpy as np
 
-from friction_comp.controller_effort import controller_effort
 from friction_comp.errors import InputError
 from friction_comp.tables.column_names import (
     is_target,
@@ -192,22 +191,6 @@ class Assignment:
         column = self.of(signal, joint)
         return None if column is None else column.factor * table[column.name]
 
-    def controller_effort(self, values: Mapping[str, np.ndarray], time: np.ndarray, joint: str,
-                          gains: Sequence[float | str]) -> np.ndarray | None:
-        """Return a joint's effort by `controller_effort`, and note how; None without a target.
-
-        `gains` are `Layout.gains`, numbers or columns.
-        """
-        target, position, velocity, rate = (
-            self.signal_in(values, signal, joint) for signal in (
-                'reference_position', 'position', 'velocity', 'reference_velocity'))
-        if target is None or position is None:
-            return None
-        stiffness, damping = (values[gain] if isinstance(gain, str) else gain for gain in gains)
-        effort, note = controller_effort(time, target, position, velocity, stiffness, damping, rate)
-        self.notes += [note] if note not in self.notes else []
-        return effort
-
 
 def assign(names: Sequence[str], layout: Layout | None, where: object, plan: bool = False
            ) -> Assignment:
@@ -376,23 +359,22 @@ def without_time(names: Sequence[str], layout: Layout, where: object
     """
     layout = layout.naming(names, where)
     columns, _ = _columns([name for name in names if name], layout, where)
-    signals = {c.signal for c in columns}
+    signals = {column.signal for column in columns}
     if layout.rate or signals & {'time', 'position'}:
         return None
     # A commanded speed is that of the means where none is measured.
     wanted = 'velocity' if 'velocity' in signals else 'reference_velocity'
-    pairs = [(speed, effort) for speed in columns if speed.signal == wanted for effort in columns
-             if effort.kind == 'effort' and (speed.key == effort.key or () in (
-                 speed.key, effort.key))]
-    told = [pair for pair in pairs if {*layout.columns.values()} & {one.name for one in pair}]
-    pairs = [pair for pair in told or pairs
-             if not layout.joint or layout.joint in (pair[0].joint, pair[1].joint)] or pairs
-    speeds = [name for name in names if read_name(name).signal == wanted]
-    if len(pairs) > 1 or (pairs and len(speeds) > 1 and 'velocity' not in layout.columns
-                          and not pairs[0][0].key):
+    named = {*layout.columns.values()}
+    speeds, efforts = ([c for c in columns if c.kind == kind and (c.name in named or not named & {
+        one.name for one in columns if one.kind == kind})] for kind in (wanted, 'effort'))
+    pairs = [(speed, effort) for speed in speeds for effort in efforts
+             if speed.key == effort.key or () in (speed.key, effort.key)
+             if layout.joint in ('', speed.joint, effort.joint)]
+    alike = [name for name in names if read_name(name).signal == wanted]
+    if len(pairs) > 1 or (pairs and len(alike) > 1 and not ({*alike} & named or layout.joint)):
         raise InputError(f'{where}: which speed and which effort? Name one with --joint, or both '
                          'with --columns velocity=NAME,effort=NAME; there are ' + _listed(
-                             [*speeds, *dict.fromkeys(pair[1].name for pair in pairs)]))
+                             [*alike, *(effort.name for effort in efforts)]))
     return pairs[0] if pairs else None
 
 

@@ -44,8 +44,6 @@ _MOST_VALUES, _LONGEST, _ROWS, _FIRST = 60_000_000, 4_000_000, 100_000, 200
 _MISSING = {'', '-', 'nan', 'na', 'n/a', 'null', 'none'}
 _NUMBER = re.compile(r'\s*[-+]?(\d[\d.,]*|[.,]\d+)(e[-+]?\d+)?\s*', re.IGNORECASE)
 _LIST = re.compile(r'\s*[\[(](.*)[\])]\s*', re.DOTALL)
-_DATE = re.compile(r'(\d{4}-\d\d-\d\d)?[T ]?((\d\d?):(\d\d):(\d\d(?:[.,]\d+)?))?'
-                   r'\s*(?:Z|([+-])(\d\d):?(\d\d))?')
 
 
 def is_table(path: Path) -> bool:
@@ -71,8 +69,6 @@ class Table:
         try:
             if len(parts) > 1:
                 self._use(_joined(parts), named)
-            elif name.endswith('.parquet'):
-                self._parquet()
             elif load := next((own for suffix, own in _LOADERS.items() if name.endswith(suffix)),
                               None):
                 self._use(dict(_flat('', load(check_input(path)))), named)
@@ -111,34 +107,6 @@ class Table:
             name: np.broadcast_to(to_numbers(columns[name], name, self.path), size)
             for name in wanted}
 
-    def _parquet(self) -> None:
-        pyarrow = library_for(self.path, 'pyarrow.parquet', 'parquet', 'Parquet files')
-        file = pyarrow.parquet.ParquetFile(check_input(self.path))
-        sizes = file.metadata
-        check_unpacked(self.path, sum(
-            sizes.row_group(k).total_byte_size for k in range(sizes.num_row_groups)),
-            self.path.stat().st_size)
-        places: dict[str, tuple[Any, int | None]] = {}
-        first = next(file.iter_batches(batch_size=1), None)
-        for field in file.schema_arrow:
-            items = first.column(field.name)[0].as_py() if (
-                first is not None and hasattr(field.type, 'value_type')) else None
-            places.update(_places(field.name, field.name, len(items or ())))
-        self.names = list(places)
-
-        def read(wanted: list[str]) -> Columns:
-            _check_size(self.path, sizes.num_rows, len(wanted))
-            table = file.read(list(dict.fromkeys(places[name][0] for name in wanted)))
-            columns = {}
-            for name in wanted:
-                values, item = table.column(places[name][0]), places[name][1]
-                own = values.to_numpy() if item is None else np.array([
-                    row[item] if row and len(row) > item else np.nan for row in values.to_pylist()])
-                columns[name] = to_numbers(own, name, self.path)
-            return columns
-        self._read = read
-
-
 class _Text:
     """A text file with a row a line; header, separator and decimal mark are those of its lines."""
 
@@ -174,11 +142,12 @@ class _Text:
         if doubled := [name for name in count if count[name] > 1]:
             self.notes.append('left out, since several columns have this name: '
                               + ', '.join(map(repr, doubled)))
-        self._places: dict[str, tuple[Any, int | None]] = {}
+        self._places: dict[str, tuple[int, int | None]] = {}
         for k, name in enumerate(names):
             items = next((_items(row[k]) for row in body if k < len(row) and _items(row[k])), [])
             if count[name] == 1:
-                self._places.update(_places(name, k, len(items)))
+                self._places.update({f'{name}[{i}]': (k, i) for i in range(len(items))})
+                self._places.update({} if items else {name: (k, None)})
         self.names = list(self._places)
         cells = [cell for row in body for cell in row if _is_number(cell)]
         self._comma = self._mark != ',' and not any('.' in cell for cell in cells) and any(
@@ -190,29 +159,23 @@ class _Text:
                              'thousands? Write them with points, or without it')
 
     def _lines(self) -> Iterator[str]:
-        """Yield the lines that are neither empty nor comments, but for the first."""
+        """Yield the lines that are neither empty nor comments, but for those before the rows."""
         with open_input(self.path) as file:
-            packed = self.path.name.lower().endswith('.gz')
-            stream: Any = io.BufferedReader(Unpacked(self.path, file)) if packed else file
-            head = stream.read(1 << 16) if packed else file.read(1 << 16)
+            stream: Any = io.BufferedReader(Unpacked(self.path, file), 1 << 16) if (
+                self.path.name.lower().endswith('.gz')) else file
+            head = stream.peek(1)
             encoding = _encoding(head)
             if b'\0' in head and encoding != 'utf-16':
                 raise InputError(f'{self.path}: not a text file')
-            if packed:
-                file.seek(0)
-                stream = io.BufferedReader(Unpacked(self.path, file))
-            else:
-                file.seek(0)
             text = io.TextIOWrapper(stream, encoding=encoding, errors='replace', newline='')
             begun = False
             while line := text.readline(_LONGEST):
                 if len(line) == _LONGEST:
                     raise InputError(f'{self.path}: a line has more than {_LONGEST} characters')
-                if line[0] in '#%' and not begun:
-                    line = line.lstrip('#% ')   # numpy.savetxt writes the header as a comment
-                if line.strip() and line[0] not in '#%' and not (
-                        len(line) < 9 and line.lower().startswith('sep=')):
-                    begun = begun or bool(re.match(r'\s*[-+\d.]', line))
+                begun = begun or bool(re.match(r'\s*[-+\d.]', line))
+                # numpy.savetxt writes the header as a comment.
+                line = line if begun else line.lstrip('#% ')
+                if line.strip() and line[0] not in '#%' and line.strip().lower()[:-1] != 'sep=':
                     yield line
 
     def _rows(self, lines: Iterator[str]) -> Iterator[list[str]]:
@@ -282,11 +245,6 @@ def _items(cell: str) -> list[str]:
     return items if all(_NUMBER.fullmatch(item) or item == 'nan' for item in items) else []
 
 
-def _places(name: str, column: Any, items: int) -> dict[str, tuple[Any, int | None]]:
-    """Return where values of a column are, or of the items of its lists, by their names."""
-    return {f'{name}[{k}]': (column, k) for k in range(items)} if items else {name: (column, None)}
-
-
 def _is_missing(cell: str) -> bool:
     return cell.strip().lower() in _MISSING
 
@@ -303,38 +261,34 @@ def _check_size(path: Path, rows: int, columns: int) -> None:
 
 
 def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
-    """Return a column as floats, dates in s; raises InputError if its values are neither."""
-    if values.dtype.kind == 'M':
-        return np.where(np.isnat(values), np.nan, values.astype('M8[ns]').astype(np.int64) * 1e-9)
-    if values.dtype.kind == 'm':
-        return values / np.timedelta64(1, 's')
+    """Return a column as floats, ISO 8601 dates in s since 1970, times of the day since midnight.
+
+    Raises InputError if its values are none of these.
+    """
     if values.dtype.kind == 'b':
         raise InputError(f'{where}: column {name!r} holds true and false, not numbers')
     if values.dtype.kind in 'OSU':
-        values = np.array([
-            'nan' if value is None or _is_missing(str(value)) else str(value).strip()
-            for value in values.ravel()], dtype=str)
-    try:
-        return values.astype(float)
-    except (TypeError, ValueError):
-        return np.array([_date_in_seconds(str(value), name, where) for value in values])
+        texts = ['nan' if value is None or _is_missing(str(value)) else str(value).strip()
+                 for value in values.ravel()]
+        try:
+            return np.array(texts, dtype=float)
+        except ValueError:
+            values = np.array([_as_date(text, name, where) for text in texts])
+    if values.dtype.kind == 'm':
+        return values / np.timedelta64(1, 's')
+    if values.dtype.kind == 'M':
+        return np.where(np.isnat(values), np.nan, values.astype('M8[ns]').astype(np.int64) * 1e-9)
+    return values.astype(float)
 
 
-def _date_in_seconds(text: str, name: str, where: object) -> float:
-    """Return an ISO 8601 date as s since 1970, and a time of the day as s since midnight."""
+def _as_date(text: str, name: str, where: object) -> np.datetime64:
+    plain = text.removesuffix('Z').replace(',', '.')
     try:
-        return float(text)
+        return np.datetime64('NaT' if text == 'nan' else plain if '-' in plain
+                             else f'1970-01-01T{plain}', 'ns')
     except ValueError:
-        match = _DATE.fullmatch(text)
-    if not match or not (match[1] or match[2]):
         hint = ', nor a date such as 2026-03-04T09:59:50.5' * (read_name(name).signal == 'time')
-        raise InputError(f'{where}: column {name!r}: {text!r} is not a number{hint}')
-    day, clock, hours, minutes, seconds, sign, *zone = match.groups()
-    time = float(np.datetime64(day, 's').astype(np.int64)) if day else 0.0
-    if clock:
-        time += 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(',', '.'))
-    ahead = 60.0 * (60.0 * int(zone[0]) + int(zone[1])) if sign else 0.0
-    return time - (ahead if sign == '+' else -ahead)
+        raise InputError(f'{where}: column {name!r}: {text!r} is not a number{hint}') from None
 
 
 def _flat(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
@@ -418,9 +372,28 @@ def _json(path: Path) -> Any:
     return parse_json(text, path)
 
 
+def _parquet(path: Path) -> Columns:
+    file = library_for(path, 'pyarrow.parquet', 'parquet', 'Parquet files'
+                       ).parquet.ParquetFile(path)
+    about, columns = file.metadata, dict[str, np.ndarray]()
+    check_unpacked(path, sum(about.row_group(k).total_byte_size
+                             for k in range(about.num_row_groups)), path.stat().st_size)
+    _check_size(path, about.num_rows, about.num_columns)
+    table = file.read()
+    for name, column in zip(table.column_names, table.columns):
+        if hasattr(column.type, 'value_type'):
+            rows = [row or () for row in column.to_pylist()]
+            columns.update({f'{name}[{k}]': np.array([
+                row[k] if len(row) > k else np.nan for row in rows])
+                for k in range(max(map(len, rows), default=0))})
+        else:
+            columns[name] = column.to_numpy()
+    return columns
+
+
 _LOADERS: dict[str, Callable[[Path], Any]] = {
     '.npz': _numpy, '.npy': _numpy, '.mat': _mat, '.h5': _hdf5, '.hdf5': _hdf5, '.json': _json,
-    '.jsonl': _json}
+    '.jsonl': _json, '.parquet': _parquet}
 
 
 def _joined(parts: Sequence[Path]) -> Columns:

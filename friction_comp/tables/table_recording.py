@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.checks import one_of
-from friction_comp.controller_effort import load_behind_gear
+from friction_comp.controller_effort import controller_effort, load_behind_gear
 from friction_comp.errors import errors_name, InputError
 from friction_comp.facts.motion import not_in_radians, turns_of
 from friction_comp.facts.recorded import implausible, tidied
@@ -148,7 +148,12 @@ class TableRecording:
         signals: dict[str, Any] = {name: own for name in _SIGNALS
                                    if (own := self._of(name, joint)) is not None}
         if self._gains and 'effort' not in signals:
-            signals['effort'] = use.controller_effort(self._columns, self._time, joint, self._gains)
+            stiffness, damping = (self._columns[gain] if isinstance(gain, str) else gain
+                                  for gain in self._gains)
+            signals['effort'], note = controller_effort(
+                self._time, signals['reference_position'], signals['position'],
+                signals.get('velocity'), stiffness, damping, signals.get('reference_velocity'))
+            notes.append(note)
         for name in _HELD:
             if name in signals and (known := np.flatnonzero(np.isfinite(signals[name]))).size:
                 last = np.searchsorted(known, np.arange(len(self._time)), side='right') - 1
