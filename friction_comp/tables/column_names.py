@@ -145,6 +145,8 @@ def _unit_in(words: list[tuple[int, str]], used: set[int], signal: str) -> tuple
 def _unit_of_words(part: list[str], last: bool, lengths: bool) -> str:
     """Return the unit that one to three words may mean: mA, rad s, N m, deg per s."""
     above, below = part[0], part[-1]
+    if above.isdigit() or below.isdigit():
+        return ''
     if len(part) == 3:
         return f'{above}/{below}' if part[1].lower() in ('per', 'p') else ''
     if len(part) == 2:
@@ -177,7 +179,8 @@ def _parts(name: str) -> list[tuple[int, str]]:
     found = []
     for match in _WORD.finditer(name):
         begin = match.start()
-        for word in [match[0]] if parse_unit(match[0]) else _CAMEL.split(match[0]):
+        for word in [match[0]] if match[0].isdigit() or parse_unit(match[0]) else _CAMEL.split(
+                match[0]):
             found.append((begin, word))
             begin += len(word)
     return found

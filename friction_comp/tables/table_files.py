@@ -43,6 +43,8 @@ TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy',
 _MOST_VALUES, _LONGEST, _ROWS, _FIRST = 60_000_000, 4_000_000, 100_000, 200
 _MISSING = {'', '-', 'nan', 'na', 'n/a', 'null', 'none'}
 _NUMBER = re.compile(r'\s*[-+]?(\d[\d.,]*|[.,]\d+)(e[-+]?\d+)?\s*', re.IGNORECASE)
+# ISO 8601, and a time of the day.
+_DATE = re.compile(r'\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?)?|\d\d:\d\d:\d\d(\.\d+)?|nan')
 _LIST = re.compile(r'\s*[\[(](.*)[\])]\s*', re.DOTALL)
 
 
@@ -144,14 +146,16 @@ class _Text:
                               + ', '.join(map(repr, doubled)))
         self._places: dict[str, tuple[int, int | None]] = {}
         for k, name in enumerate(names):
-            items = next((_items(row[k]) for row in body if k < len(row) and _items(row[k])), [])
+            items = next((found for row in body[:20] if k < len(row) and (
+                found := _items(row[k]))), [])
             if count[name] == 1:
                 self._places.update({f'{name}[{i}]': (k, i) for i in range(len(items))})
                 self._places.update({} if items else {name: (k, None)})
         self.names = list(self._places)
-        cells = [cell for row in body for cell in row if _is_number(cell)]
-        self._comma = self._mark != ',' and not any('.' in cell for cell in cells) and any(
-            ',' in cell for cell in cells)
+        cells = [cell for row in body for cell in row if _NUMBER.fullmatch(cell)] if (
+            self._mark != ',') else []
+        # A comma that does not separate is a decimal one.
+        self._comma = any(',' in cell for cell in cells) and not any('.' in cell for cell in cells)
         if self._comma and all(re.fullmatch(r'\s*[-+]?[1-9]\d{0,2}(,\d{3})+\s*', cell)
                                for cell in cells if ',' in cell):
             raise InputError(f'{path}: is the comma in numbers such as '
@@ -240,7 +244,7 @@ def _is_number(cell: str) -> bool:
 
 def _items(cell: str) -> list[str]:
     """Return the numbers of a list as Python or NumPy prints it, as text; empty if it is none."""
-    match = _LIST.fullmatch(cell)
+    match = _LIST.fullmatch(cell) if '[' in cell or '(' in cell else None
     items = match[1].replace(',', ' ').split() if match else []
     return items if all(_NUMBER.fullmatch(item) or item == 'nan' for item in items) else []
 
@@ -273,22 +277,18 @@ def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
         try:
             return np.array(texts, dtype=float)
         except ValueError:
-            values = np.array([_as_date(text, name, where) for text in texts])
+            plain = [text.removesuffix('Z').replace(',', '.') for text in texts]
+        if not all(_DATE.fullmatch(text) for text in plain):
+            wrong = next(text for text in texts if not re.fullmatch(r'[-+.\dEe]+|nan|inf', text))
+            hint = ', nor a date such as 2026-03-04T09:59:50.5' * (read_name(name).signal == 'time')
+            raise InputError(f'{where}: column {name!r}: {wrong!r} is not a number{hint}')
+        values = np.array([np.datetime64('NaT' if text == 'nan' else text if '-' in text
+                                         else f'1970-01-01T{text}', 'ns') for text in plain])
     if values.dtype.kind == 'm':
         return values / np.timedelta64(1, 's')
     if values.dtype.kind == 'M':
         return np.where(np.isnat(values), np.nan, values.astype('M8[ns]').astype(np.int64) * 1e-9)
     return values.astype(float)
-
-
-def _as_date(text: str, name: str, where: object) -> np.datetime64:
-    plain = text.removesuffix('Z').replace(',', '.')
-    try:
-        return np.datetime64('NaT' if text == 'nan' else plain if '-' in plain
-                             else f'1970-01-01T{plain}', 'ns')
-    except ValueError:
-        hint = ', nor a date such as 2026-03-04T09:59:50.5' * (read_name(name).signal == 'time')
-        raise InputError(f'{where}: column {name!r}: {text!r} is not a number{hint}') from None
 
 
 def _flat(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:

@@ -9,6 +9,7 @@ signal can have the unit.
 
 from __future__ import annotations
 
+from functools import lru_cache
 import math
 import re
 from typing import NamedTuple
@@ -68,6 +69,7 @@ class Unit(NamedTuple):
     dimension: str      # angle, length, time, force, torque, current or temperature, or a rate
 
 
+@lru_cache(maxsize=4096)
 def parse_unit(text: str) -> Unit | None:
     """Return a unit from its text, None if it is not known.
 
