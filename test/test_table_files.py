@@ -2,56 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kinds of files that hold a table: CSV, JSON, Parquet, MAT, NumPy and bags of ROS 1."""
 
-import json
 import math
 
 import numpy as np
 import pytest
-from scipy.io import savemat
 from scipy.io.matlab import MatlabOpaque
 from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
 from friction_comp.__main__ import main
 from friction_comp.recordings import read_recording_with_info
-
-
-def save_json(path, columns):
-    path.write_text(json.dumps({'kp': 8.0, 'motor': 'x', 'entries': [
-        {'timestamp': t, 'position': q, 'torque': e} for t, q, e in zip(*columns.values())]}))
-
-
-def save_lists(path, columns):
-    path.write_text(json.dumps({name: list(values) for name, values in columns.items()}))
-
-
-def save_vectors(path, columns):
-    path.write_text(json.dumps([
-        {'t': t, 'q': [0.0, q], 'tau': [1.0, e]} for t, q, e in zip(*columns.values())]))
-
-
-def save_lines(path, columns):
-    path.write_text('\n'.join(json.dumps(
-        {'time': t, 'position': q, 'torque': e}) for t, q, e in zip(*columns.values())))
-
-
-def save_structs(path, columns):
-    time, position, effort = (values[:, None] for values in columns.values())
-    savemat(path, {'log': {'time': time, 'note': 'knee', 'joint': {
-        'q': position, 'motor': {'tau': effort}}}})
-
-
-def save_axes(path, columns):
-    np.savez(path, time=columns['t'], **{name: np.column_stack((2.0 * columns[name], columns[name]))
-                                         for name in ('q', 'tau')})
-
-
-def save_parquet(path, columns):
-    arrow = pytest.importorskip('pyarrow')
-    parquet = pytest.importorskip('pyarrow.parquet')
-    parquet.write_table(arrow.table({
-        'timestamp': columns['t'], 'observation.state': [[q, 0.0] for q in columns['q']],
-        'observation.effort': [[e, 0.0] for e in columns['tau']]}), path)
 
 
 def lines(path, names, rows):
@@ -159,16 +119,6 @@ def test_a_quoted_cell_may_have_lines_and_a_quote_alone_is_a_character(tmp_path,
     np.testing.assert_allclose(samples.time, TIME, atol=1e-9)
 
 
-@pytest.mark.parametrize('count', [5, 70])
-def test_other_whole_numbers_beside_seconds_are_no_part_of_a_clock(tmp_path, count):
-    """The hours of a machine, and minutes that do not end at 60."""
-    time, position, velocity = swing(3000, 0.001)
-    path = write(tmp_path / 'log.csv', h=np.full(3000, count), minute=np.arange(3000) % 90,
-                 sec=time, q=position, tau=velocity)
-    samples, = read_recording(path)
-    np.testing.assert_allclose(np.diff(samples.time), 0.001, atol=1e-9)
-
-
 def test_the_current_of_a_table_that_also_has_torques_is_named_for_all_joints(tmp_path):
     time, position, velocity = swing(500)
     path = write(tmp_path / 'log.csv', Time=time, Position1=position, Position2=2.0 * position,
@@ -190,10 +140,3 @@ def test_objects_within_a_struct_of_matlab_are_no_columns(tmp_path, monkeypatch)
     (tmp_path / 'log.mat').write_bytes(b'')
     samples, = read_recording(tmp_path / 'log.mat')
     assert len(samples) == 500
-
-
-def test_hours_without_minutes_are_no_part_of_a_clock(tmp_path):
-    time, position, velocity = swing(3000, 0.001)
-    path = write(tmp_path / 'log.csv', sec=time, hour=np.arange(3000) % 7, q=position, tau=velocity)
-    samples, = read_recording(path)
-    np.testing.assert_allclose(np.diff(samples.time), 0.001, atol=1e-9)

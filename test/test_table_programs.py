@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables as spreadsheets, laboratory programs and MATLAB write them."""
 
-import json
 import math
 import re
 
@@ -68,34 +67,6 @@ def test_a_workbook_is_refused_with_what_to_do(tmp_path, refuses, name):
     refuses('a workbook: save its sheet as CSV', 'refine', tmp_path / name)
 
 
-def lerobot(folder, names):
-    """Write a dataset of two joints as LeRobot does; return its table."""
-    pyarrow = pytest.importorskip('pyarrow')
-    pytest.importorskip('pyarrow.parquet')
-    time, position, velocity = swing()
-    path = folder / 'data' / 'chunk-000' / 'episode_000000.parquet'
-    path.parent.mkdir(parents=True)
-    pyarrow.parquet.write_table(pyarrow.table({
-        'timestamp': time, 'observation.state': np.column_stack([-position, position]).tolist(),
-        'observation.effort': np.column_stack([velocity, np.sign(velocity)]).tolist()}), path)
-    (folder / 'meta').mkdir()
-    # What an item is called says which quantity it is.
-    effort = json.loads(json.dumps(names).replace('.pos', '.effort'))
-    features = {name: {'dtype': 'float32', 'shape': [2], 'names': own} for name, own in (
-        ('observation.state', names), ('observation.effort', effort))}
-    (folder / 'meta' / 'info.json').write_text(json.dumps({'fps': 50, 'features': features}))
-    return path
-
-
-@pytest.mark.parametrize('name', ['pos', 'position_estimate', 'estimated_pos', 'pos_estimate [rad]',
-                                  'pos_estimate_rad', 'drive_pos', 'position_odrivetrain'])
-def test_other_names_of_a_position_are_not_asked(tmp_path, name):
-    time, position, velocity = swing()
-    samples, = read_recording(write(tmp_path / 'log.csv', **{
-        'time': time, name: position, 'tau': np.sign(velocity)}))
-    np.testing.assert_allclose(samples.position, position, atol=1e-9)
-
-
 @pytest.mark.parametrize(('angle', 'rate', 'said'), [
     (1.0 / TURN, 60.0 / TURN, 'turns and velocity in turns per minute'),
     (1.0 / TURN, 360.0 / TURN, 'turns and velocity in deg/s'),
@@ -134,19 +105,6 @@ def test_ripples_of_any_gear_seldom_tell_another_unit():
     assert alarms <= 20
     assert sum(len(list(other_turn([ripple(k - 0.03, k + 0.03) for k in TURN * np.round(waves)])))
                for waves in first) > 1900
-
-
-def test_a_motor_in_turns_is_told_by_its_cogging(tmp_path):
-    time = 0.005 * np.arange(8000)
-    turns = 4.0 * np.sin(0.35 * time) + 1.5 * np.sin(0.9 * time)
-    velocity = 1.4 * np.cos(0.35 * time) + 1.35 * np.cos(0.9 * time)
-    effort = (np.tanh(20.0 * velocity) + 0.3 * velocity + 0.5 * np.sin(7.0 * TURN * turns)
-              + 0.3 * np.cos(12.0 * TURN * turns)
-              + 0.05 * np.random.default_rng(3).normal(size=8000))
-    path = write(tmp_path / 'log.csv', time=time, position=turns, tau=effort)
-    assert main(['refine', str(path), '--output', str(tmp_path / 'out')]) == 0
-    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
-    assert any('if position is in turn' in reason for reason in report['reasons'])
 
 
 def test_a_drive_that_is_logged_on_both_sides_of_its_gear_is_one_joint(tmp_path):

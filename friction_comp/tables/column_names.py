@@ -84,16 +84,16 @@ def read_name(name: str) -> Reading:
     lower = [word.lower() for _, word in words]
     if lower == ['d']:
         return Reading('direction')
+    found = [k for k, word in enumerate(lower) if word in _QUANTITIES]
     # In `i_q` the q is no position, in `RadPerSec` the second no time.
-    found = [k for k, word in enumerate(lower) if word in _QUANTITIES
-             and not (word == 'q' and 'i' in lower)]
-    found = [k for k in found if _QUANTITIES[lower[k]] != 'time'] or found
+    telling = [k for k in found if not (lower[k] == 'q' and 'i' in lower)]
+    telling = [k for k in telling if _QUANTITIES[lower[k]] != 'time'] or telling
     if any(_QUANTITIES[lower[k]] == '' for k in found):
         return Reading(unit=unit)
-    quantity = _QUANTITIES[lower[found[-1]]] if found else ''
+    quantity = _QUANTITIES[lower[telling[-1]]] if telling else ''
     of_unit: set[int] = set()
     if not unit:
-        unit, of_unit = _unit_in(words, set(found), _signal(quantity, lower) if quantity else '')
+        unit, of_unit = _unit_in(words, set(telling), _signal(quantity, lower) if quantity else '')
     if not quantity and (known := parse_unit(unit)):
         quantity = _OF_UNIT.get(known.dimension, '')
     signal = _signal(quantity, lower)
