@@ -20,9 +20,8 @@ from table_maker import swing, write
 from work_that_may_die import work_that_ends_a_worker_once, work_that_may_die
 
 from friction_comp.__main__ import run
-from friction_comp.cluster import runner_on_cluster
 from friction_comp.evaluation.conditions import evaluate_recordings
-from friction_comp.parallel import Failure, run_each
+from friction_comp.parallel import Failure, run_each, runner_on_cluster
 from friction_comp.recordings import write_samples
 from friction_comp.recordings.sources import pieces_of
 from simulated_recordings.drives import excitation_for, random_drive, record
@@ -199,7 +198,7 @@ def test_recordings_are_refined_on_the_cluster_as_here(tmp_path):
 
 def test_a_scheduler_that_does_not_answer_is_named(tmp_path, refuses, monkeypatch):
     pytest.importorskip('distributed', reason='Dask is not installed')
-    monkeypatch.setattr('friction_comp.cluster._PATIENCE', 0.2)
+    monkeypatch.setattr('friction_comp.parallel._PATIENCE', 0.2)
     write_recording(tmp_path / 'day')
     for words, address, *each in (
             ('no Dask scheduler answers', 'tcp://127.0.0.1:1', '--each'),

@@ -20,7 +20,7 @@ from friction_comp.fleet.common_model import CommonModel
 from friction_comp.fleet.population import FEWEST_UNITS, fleet_json, Population, population_of
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import number
-from friction_comp.parallel import attempt, Failure, run_each, Runner
+from friction_comp.parallel import attempt, Failure, run_each, Runner, runner_on_cluster
 from friction_comp.recorded_drive.given import Given
 from friction_comp.recorded_drive.refine_recordings import refine_recordings, showing_friction
 from friction_comp.recordings.reader import read_condensed
@@ -114,8 +114,6 @@ def refine_each(arguments: Namespace) -> int:
 def _runner(arguments: Namespace, count: int) -> Iterator[Runner]:
     """Yield a function that does work on the recordings, here, in processes or on a cluster."""
     if arguments.scheduler:
-        from friction_comp.cluster import runner_on_cluster
-
         with runner_on_cluster(arguments.scheduler) as run:
             yield run
     else:
