@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs work on one or many items, in child processes that end with their parent or on Dask's workers.
+"""Runs work on items, in child processes that end with their parent or on Dask's workers.
 
 The work itself uses one thread: its matrices are small.
 """
