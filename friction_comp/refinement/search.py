@@ -144,11 +144,10 @@ class Search:
     def update_candidates(self, terms: Sequence[Term]) -> None:
         """Replace the candidates by the terms proposed for the residual of a fit."""
         table = self.table
-        proposed = proposals(table, terms)
+        proposed = [term for term in proposals(table, terms) if term.kind not in self._single
+                    and (self.late or term.kind.variable not in ('time', 'history'))]
         table.keep({*self.fixed, *terms, *proposed, *first_model(table)})
-        self.candidates = [
-            term for term in table.add(proposed) if term.kind not in self._single
-            and (self.late or term.kind.variable not in ('time', 'history'))]
+        self.candidates = table.add(proposed)
 
     def shortlist(self, terms: Sequence[Term]) -> list[Term]:
         """Return the candidates that reduce the fitted error most, one of each effect."""
