@@ -23,8 +23,10 @@ from bench_tools import ROOT, table_parser
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from friction_comp import read_recording
+from friction_comp import FrictionModel, read_recording
 
+# What docs/generate.py stores of each row.
+KEPT = ('set', 'unit', 'error', 'terms', 'said', 'true', 'verdict')
 FRICTION = ('coulomb', 'viscous', 'offset')
 BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, np.inf)  # Hz, of the expert's motion
 UR10E = ('shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint',
@@ -192,8 +194,11 @@ def measure(row, data, output):
         return {'set': row.name, 'skipped': f'predict ended with {code}: {message[-300:]}'}
     report = json.loads((where / 'report.json').read_text(encoding='utf-8'))
     table = np.loadtxt(where / 'score.csv', delimiter=',', skiprows=1)
+    model = FrictionModel.load(where / 'model.yaml')
     return {
         'set': row.name, 'unit': row.unit, 'error': score_error(row.error, table),
+        'said': report['after']['elsewhere_motion_rmse'], 'terms': len(report['effects']),
+        'true': moving_error(model, read_recording(folder / 'score', joint=row.joint)),
         'plain': hand_error(row, folder, FRICTION, (np.inf,)),
         'by_hand': hand_error(row, folder, row.by_hand) if row.by_hand else float('nan'),
         'effects': [f"{e['name']} ({e['variable']})" for e in report['effects']],
@@ -238,6 +243,9 @@ def main():
                 lambda row: measure(row, arguments.data.resolve(), output), rows):
             show(result)
             results.append(result)
+    (output / 'said.json').write_text(json.dumps([{
+        **{name: r[name] for name in KEPT}, 'by_hand': r['by_hand'] if r['by_hand'] == r['by_hand']
+        else None} for r in results if 'skipped' not in r], indent=1))
     print('\n| set | error on score | C + V | by hand | effects in order | CPU s |'
           '\n|---|---|---|---|---|---|')
     for r in results:

@@ -162,6 +162,18 @@ def claims() -> str:
          f'`{one["command"]}`' if one['command'] else ''] for one in stored('claims')])
 
 
+def said() -> str:
+    """Return the errors that refinement said and that were found, of the measured recordings."""
+    from friction_comp.number_text import number
+
+    return rows(
+        ['recording', 'refine', 'by hand', 'terms', 'said', 'true', 'true / said', 'verdict'],
+        [[one['set'].replace('_', ' '), f'{number(one["error"])} {one["unit"]}',
+          number(one['by_hand']) if one['by_hand'] is not None else '', str(one['terms']),
+          number(one['said']), number(one['true']), f'{one["true"] / one["said"]:.2f}',
+          one['verdict']] for one in stored('said')['rows']])
+
+
 def demo() -> str:
     """Return the demo's table."""
     from friction_comp.demo.loop import TRIALS
@@ -273,7 +285,7 @@ def note_rest() -> str:
 
 PARTS: dict[str, Callable[[], str]] = {
     'options': options, 'report fields': report_fields, 'findings': findings, 'effects': effects,
-    'claims': claims, 'first': first, 'demo': demo, 'reproduce': reproduce, 'laws': laws,
+    'claims': claims, 'said': said, 'first': first, 'demo': demo, 'reproduce': reproduce, 'laws': laws,
     'note plateaus': note_plateaus, 'note peaks': note_peaks, 'note rest': note_rest}
 
 
@@ -344,6 +356,7 @@ def _first_numbers(report: dict[str, Any]) -> dict[str, Any]:
 
 
 KINDS = {
+    'said': Kind(lambda rows_: {'command': 'python3 bench/measured_table.py', 'rows': rows_}),
     'first': Kind(_first_numbers),
     'demo': Kind(_demo_numbers),
     'reproduce': Kind(_reproduce_numbers),

@@ -12,8 +12,8 @@ from friction_comp.errors import InputError
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.effect_columns import Table, Term
-from friction_comp.refinement.prepare import clipped, coverage_of, join, prepare, samples_per_row
-from friction_comp.refinement.recorded_motion import load_coefficient, row_starts
+from friction_comp.refinement.prepare import clipped, join, prepare
+from friction_comp.refinement.recorded_motion import load_coefficient
 from friction_comp.refinement.search import adjust_constants
 from friction_comp.samples import Samples
 
@@ -57,13 +57,6 @@ def test_too_little_is_refused_in_one_line(parts, words):
 def test_a_recording_that_shows_no_friction_is_refused(change, words):
     with pytest.raises(InputError, match=words):
         prepare(join([swings(1).with_(**change)]), DRIVE)
-
-
-@pytest.mark.parametrize('wrap', [lambda one: [[one]], lambda one: 'file.mcap'])
-def test_other_than_a_list_of_samples_is_refused(wrap):
-    samples = Samples(time=np.arange(3.0), position=np.zeros(3), velocity=None, current=np.zeros(3))
-    with pytest.raises(InputError, match='list of Samples'):
-        join(wrap(samples))
 
 
 def test_a_joint_that_hardly_moves_is_refused():
@@ -145,19 +138,6 @@ def test_a_current_in_coarse_steps_is_not_cut_off(step):
         np.mean(np.abs(coarse) > limit - 1e-9))
 
 
-def test_only_recorded_positions_show_the_encoders_counts():
-    """A lag interpolates between them; and a rest of 20 s has none."""
-    samples = swings(3)
-    rest = np.zeros(25_000)
-    samples = Samples(
-        time=0.01 * np.arange(29_000), velocity=None,
-        position=np.round(np.concatenate((rest, samples.position - samples.position[0])), 2),
-        current=np.concatenate((rest, samples.current)))
-    rows, _ = prepare(samples, DRIVE, {'source': 'position', 'bandwidth': 5.0, 'lag': 0.003})
-    assert rows.coverage.resolution == pytest.approx(0.01)
-    assert rows.coverage.distinct_positions < 300
-
-
 def test_standstill_is_not_fitted():
     samples = swings(2)
     rest = (samples.time > 10.0) & (samples.time < 14.0)
@@ -168,20 +148,6 @@ def test_standstill_is_not_fitted():
     assert not rows.usable[inner].any()
     assert rows.usable[~rest].mean() > 0.8
     assert settings['source'] == 'position'
-
-
-def test_rows_are_averages_of_samples_that_belong_together():
-    samples = swings(3, duration=400.0, step=0.001)
-    usable = np.abs(samples.velocity) > 0.02
-    length = samples_per_row(samples, int(usable.sum()))
-    # At 1 kHz about so many as leave 100 Hz.
-    assert 8 <= length <= 10
-    samples = swings(3)
-    samples = samples.take(np.r_[0:1001, 1100:4000])
-    usable = np.abs(samples.velocity) > 0.02
-    starts = row_starts(samples, usable, 4)
-    assert all(usable[k:k + 4].all() and np.ptp(samples.time[k:k + 4]) < 0.035 for k in starts)
-    assert 4 * len(starts) > 0.9 * usable.sum()
 
 
 @pytest.mark.parametrize('lag', [0.021, -0.005, 0.3])
@@ -216,19 +182,6 @@ def test_a_load_that_a_person_carries_belongs_to_what_is_measured(carried, is_kn
     assert gain == (-1.0 / DRIVE.torque_per_current if is_known else 0.0)
 
 
-def test_a_load_that_only_accelerates_the_limb_belongs_to_what_is_measured():
-    """Under a law that supplies the friction, the person's torque does no work."""
-    samples = swings(5)
-    rng = np.random.default_rng(6)
-    load = 2.0 * np.asarray(samples.acceleration) + 0.1 * rng.standard_normal(len(samples))
-    law = samples.with_(load=load)
-    gain = load_coefficient(law, clipped(law.current), DRIVE)
-    assert gain == -1.0 / DRIVE.torque_per_current
-    # One that the motion does not predict is noise of the sensor, or another's.
-    noise = samples.with_(load=rng.standard_normal(len(samples)))
-    assert load_coefficient(noise, clipped(noise.current), DRIVE) == 0.0
-
-
 def test_the_target_includes_the_torque_of_the_person():
     samples = swings(6)
     friction = samples.current
@@ -237,19 +190,6 @@ def test_the_target_includes_the_torque_of_the_person():
     assert rows.target == pytest.approx(friction)
     rows, _ = prepare(given, DRIVE, declared=False)
     assert rows.target == pytest.approx(0.6 * friction)
-
-
-def test_bumps_are_not_looked_for_where_every_place_is_passed_in_one_motion():
-    time = np.arange(0.0, 20.0, 0.005)
-    for speeds, one in (((0.5,), True), ((0.1, 0.5, 1.0), False)):
-        speed = np.repeat(speeds, len(time) // len(speeds) + 1)[:len(time)]
-        # To and fro, turning round within 0.2 s.
-        velocity = np.convolve(
-            speed * np.where(time % 2.0 < 1.0, 1.0, -1.0), np.ones(40) / 40.0)[:len(time)]
-        samples = Samples(time=time, position=np.cumsum(velocity) * 0.005, velocity=velocity,
-                          current=np.tanh(velocity / 0.02))
-        coverage = coverage_of(samples, np.abs(velocity) > 0.01, 0.01, samples)
-        assert ('bumps' in EFFECTS['bump'].insufficient_data(coverage)) is one
 
 
 def test_a_constant_at_its_upper_limit_is_adjusted_too():

@@ -274,24 +274,6 @@ def test_one_recording_needs_no_list_and_a_prompt_shows_the_numbers_and_not_the_
     assert 'N·m RMS on data not fitted' in shown
 
 
-def test_outliers_and_gaps_do_no_harm(drive):
-    excitation = excitation_for(('cogging',), duration=40.0, rate=RATE)
-    samples = record(drive, 5, excitation)[0].samples
-    rng = np.random.default_rng(0)
-    current = samples.current.copy()
-    wild = rng.choice(len(samples), 30, replace=False)
-    current[wild] += rng.uniform(-5, 5, 30)
-    current[rng.choice(len(samples), 10, replace=False)] = np.nan
-    samples = samples.with_(current=current)
-    keep = np.ones(len(samples), dtype=bool)
-    keep[2000:2500] = False
-    result = refine([samples.take(keep)], drive=drive.model.drive)
-    assert [effect.variable for effect in result.report.effects] == ['position']
-    fresh = record(drive, 6, excitation)[0].samples
-    error = fresh.current - result.model.predict(fresh)
-    assert rms(error) < 1.3 * drive.noise_floor
-
-
 def scored(name, every=1):
     """Return the error on a measured recording of a model refined from samples of another."""
     fit, score = (read_recording(DATA / name / which, None, 1.0, 1.0)[0]

@@ -87,13 +87,3 @@ def test_what_no_effect_describes_is_traced_to_its_variable(name):
     assert allowed & {entry.variable for entry in report.unexplained} or (
         'signals' in {one.code for one in report.findings})
     assert report.verdict != 'trust'
-
-
-def test_errors_and_floor_of_the_report_are_those_of_the_data():
-    report, _ = refined(('gravity',), SEED)
-    drive = random_drive(SEED, ('gravity',))
-    assert report.noise_floor == pytest.approx(drive.noise_floor, rel=0.3)
-    assert report.after.held_out_rmse < 1.3 * drive.noise_floor
-    assert report.before.held_out_rmse > 1.5 * drive.noise_floor
-    steps = [effect.held_out_rmse for effect in report.effects]
-    assert steps[-1] <= report.before.held_out_rmse

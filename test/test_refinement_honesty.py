@@ -7,8 +7,6 @@ import pytest
 from test_prepare import swings
 
 from friction_comp.drive import Drive
-from friction_comp.model.effects.base import Coverage
-from friction_comp.model.effects.history_effects import RestTime
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
@@ -130,20 +128,6 @@ def test_velocity_that_is_not_the_slope_of_position_is_said(scale, said):
     told = [finding for finding in report.findings if finding.code == 'signals']
     assert bool(told) == said
     assert report.verdict == ('trust in part' if said else 'trust')
-
-
-def test_a_joint_that_turns_round_slowly_has_not_rested():
-    t, q, v, _ = strokes(2, duration=60.0)
-    samples = recorded(t, q, friction(v), 2, velocity=v, acceleration=0.0 * v)
-    coverage = Coverage(transition=0.02, speed=0.8, slowest=0.01, lowest=-0.8, highest=0.8,
-                        duration=60.0)
-    grown = []
-    for threshold in sorted({point['velocity'] for point in RestTime.grid(coverage)}):
-        constants = {'time_constant': 0.5, 'distance': 0.1, 'velocity': threshold,
-                     'transition': 0.02}
-        grown.append(float(np.max(np.abs(RestTime.matrix(samples, constants)))))
-    # Minimum jerk passes through zero speed at every reversal, for a moment each.
-    assert grown[0] < 0.5 * grown[-1]
 
 
 def test_temperature_is_preferred_to_time_if_both_explain_equally():

@@ -5,7 +5,6 @@
 import re
 from types import SimpleNamespace
 
-from helpers import printed_by
 import numpy as np
 import pytest
 from test_prepare import swings
@@ -15,7 +14,6 @@ from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.base import Coverage
 from friction_comp.model.motor_check import cautions
-from friction_comp.parallel import one_thread
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import judge, refine
 from friction_comp.refinement.dependence import remaining_dependences
@@ -125,13 +123,6 @@ def test_one_joint_of_an_arm_without_the_others_is_not_trusted():
     assert codes(report) & {'impossible', 'explains_little', 'unexplained', 'extrapolates'}
 
 
-def test_an_error_far_above_the_noise_is_not_trusted():
-    motion, other = swings(6), swings(7)
-    quiet = 0.5 * np.tanh(motion.velocity / 0.01) + 0.2 * motion.velocity
-    report = refined(motion, quiet + 0.3 * other.position + noise(motion, 0.002)).report
-    assert report.verdict != 'trust'
-
-
 @pytest.mark.parametrize('size', [0.0, 0.006, 0.012])
 def test_an_error_that_changes_as_slowly_as_the_recording_is_long_is_said(size):
     """Its cause cannot be tested, since all that varies as slowly explains it; it is no noise."""
@@ -231,15 +222,6 @@ def test_predict_reads_what_refine_reads(tmp_path):
         '--output', str(tmp_path / 'p.csv')]) == 0
 
 
-def test_small_sums_take_one_thread_and_leave_the_others_as_they_were():
-    code = ("import numpy, friction_comp.parallel as p, threadpoolctl as t\n"
-            "n = lambda: max(i['num_threads'] for i in t.threadpool_info())\n"
-            "print(n(), p.one_thread(n)(), n())")
-    printed = printed_by(code, OMP_NUM_THREADS='2', OPENBLAS_NUM_THREADS='2')
-    assert printed.split() == ['2', '1', '2']
-    assert one_thread(len)([1, 2]) == 2
-
-
 def one_way(ways):
     """Return a joint under gravity that goes one way, or to and fro, ever faster."""
     time = np.arange(0.0, 5.0 * ways, 2e-3)
@@ -256,13 +238,6 @@ def test_a_recording_of_one_way_says_nothing_of_others_however_well_it_is_predic
     report = refine([one_way(ways)], drive=DRIVE).report
     assert codes(report) & {'little_motion'} == grade
     assert (report.verdict == 'record again') == bool(grade)
-
-
-def test_a_hand_that_moves_an_idle_motor_shows_no_friction():
-    motion = swings(2)
-    report = refined(motion, noise(motion)).report
-    assert report.verdict == 'record again'
-    assert any('moved by hand' in one.text for one in report.findings)
 
 
 def test_friction_is_not_read_from_the_help_that_a_person_had():

@@ -9,17 +9,14 @@ from helpers import note_model
 import numpy as np
 import pytest
 
-from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.errors import InputError
 from friction_comp.exercise.reference_movement import ReferenceMovement
-from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.friction_level import draw_levels, friction_level
-from friction_comp.simulation.joint import bank_sample, Plant, start_joint
+from friction_comp.simulation.joint import Plant, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE
-from friction_comp.simulation.person import ARRIVED, ReferenceHold
+from friction_comp.simulation.person import ARRIVED
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import Undeclared
-from simulated_recordings.closed_loop import closed_loop
 
 
 def still(model, **changes):
@@ -46,18 +43,6 @@ def test_holds_below_breakaway_and_slides_above(number):
             assert abs(state.position[0]) <= 2.0 * model.drive.position_resolution
 
 
-def test_does_not_drift_under_a_pulsating_load():
-    """What tells stiction from Dahl and LuGre: no creep below breakaway, however often pushed."""
-    model = still(note_model(1))
-    plant = Plant([model])
-    level = model.breakaway.positive_mean
-    for k in range(10000):
-        plant.step([0.6 * level + 0.3 * level * math.sin(0.05 * k)])
-    for _ in range(1000):
-        state = plant.step([0.0])
-    assert abs(state.position[0]) <= 2.0 * model.drive.position_resolution
-
-
 def test_sliding_friction_is_equation_6():
     """Where the transition is over, the friction level is the model's sigmoid."""
     for model in map(note_model, (1, 2, 3)):
@@ -70,22 +55,6 @@ def test_sliding_friction_is_equation_6():
                 scale * float(model.sigmoid(speed)), rel=2e-3)
             assert friction_level(p, s, speed, False) == pytest.approx(
                 -scale * float(model.sigmoid(-speed)), rel=2e-3)
-
-
-def test_steady_speed_needs_the_level_and_stops_without_it():
-    """A joint driven faster loses speed as friction says once the current is gone."""
-    model = still(note_model(2))
-    plant = Plant([model])
-    for _ in range(800):
-        plant.step([0.4])
-    places = [plant.step([0.0]).position[0] for _ in range(21)]
-    first, last = (places[10] - places[0]) / 0.01, (places[20] - places[10]) / 0.01
-    expected = model.drive.torque_per_current * float(
-        model.sigmoid(0.5 * (first + last))) / model.simulation['inertia']
-    assert (first - last) / 0.01 == pytest.approx(expected, rel=0.1)
-    for _ in range(3000):
-        state = plant.step([0.0])
-    assert state.velocity[0] == 0.0
 
 
 def test_breakaway_scatters_with_the_declared_deviation():
@@ -130,24 +99,6 @@ def test_same_seed_same_numbers():
     assert not np.array_equal(one[-1].current, other[-1].current)
 
 
-@pytest.mark.parametrize('law', ['paper', 'continuous'])
-def test_parallel_runs_are_the_same_joint_and_law(law):
-    """Compiled runs and the plain loop give the same numbers, sample by sample."""
-    model = note_model(3)
-    movement = ReferenceMovement(
-        amplitude=0.2, speed=0.2, acceleration_time=0.5, standstill=1.2, repetitions=1)
-    time = np.arange(3000) * 1e-3
-    plant = Plant([model], seed=8)
-    plain = closed_loop(plant, CompensationLaw([model], law=law), movement, 3.0,
-                        reference_period=1e-3)
-    log, _, _ = closed_loops(
-        np.array([joint_parameters(model)]), random_states(8, 1), law_parameters(model, law),
-        movement.at(time))
-    for ours, theirs in (('position', 'position'), ('command', 'command'),
-                         ('interaction_torque', 'interaction_torque')):
-        assert np.abs(plain[theirs][:, 0] - log[ours][0]).max() < 1e-9
-
-
 def test_movement_is_continuous_and_announced_at_standstill():
     """The reference has no jump, comes back, and d is there before the movement."""
     movement = ReferenceMovement(repetitions=3)
@@ -175,17 +126,6 @@ def test_movement_refuses_what_cannot_be(changes, words):
         ReferenceMovement(**changes)
 
 
-def test_reference_hold_extrapolates_and_times_out():
-    """Between samples the reference goes on at its velocity, after the timeout there is none."""
-    hold = ReferenceHold(timeout=0.5)
-    assert hold.at(0.0) == (None, None)
-    hold.update(1.0, [0.2], [0.1])
-    position, velocity = hold.at(1.05)
-    assert position[0] == pytest.approx(0.205)
-    assert velocity[0] == 0.1
-    assert hold.at(1.6) == (None, None)
-
-
 @pytest.mark.parametrize('gear', ['clamp', 'lugre', 'maxwell_slip'])
 def test_a_model_file_chooses_the_gear(gear):
     """Below breakaway it gives by a fraction of a milliradian, beyond it slides; late by two."""
@@ -201,27 +141,6 @@ def test_a_model_file_chooses_the_gear(gear):
     for _ in range(500):
         state = plant.step([0.2])
     assert state.position[0] > 0.05
-
-
-def test_the_supply_limits_the_speed():
-    """Beyond supply voltage over back-EMF per speed, no current flows any more."""
-    plain = note_model(1)
-    fastest = math.radians(60.0)
-    slow = replace(plain, simulation={
-        **plain.simulation, 'gear': 'clamp', 'winding_resistance': 2.0,
-        'supply_voltage': fastest * plain.drive.torque_per_current})
-    plant = Plant([slow])
-    for _ in range(3000):
-        state = plant.step([2.0])
-    assert 0.5 * fastest < state.velocity[0] < fastest
-
-
-def test_a_motor_with_another_torque_constant_has_its_back_emf():
-    model = note_model(1, gear='clamp', supply_voltage=24.0, winding_resistance=2.0)
-    factor = Undeclared.from_effects([{'name': 'torque_constant', 'parameters': {'factor': 0.8}}])
-    record = joint_parameters(model, factor)
-    assert record['back_emf'] == record['torque_per_current']
-    assert record['back_emf'] == pytest.approx(0.8 * model.drive.torque_per_current)
 
 
 def test_undeclared_effects_act_on_every_gear():
@@ -243,15 +162,6 @@ def test_undeclared_effects_act_on_every_gear():
 def test_what_is_not_known_of_a_simulation_is_refused(entries, word):
     with pytest.raises(InputError, match=word):
         Plant([note_model(1, **entries)])
-
-
-def test_a_plant_that_is_made_has_nothing_left_to_compile():
-    """A node in lockstep would keep its commander waiting, for longer than that waits."""
-    plant = Plant([note_model(k) for k in (1, 2, 3)])
-    compiled = len(bank_sample.signatures)
-    plant.step([0.1, 0.1, 0.1], np.zeros(3), np.zeros(3))
-    plant.step([0.1, 0.1, 0.1])
-    assert len(bank_sample.signatures) == compiled
 
 
 def rests(person, gear):
@@ -279,10 +189,3 @@ def test_the_person_pushes_on_until_the_joint_has_arrived(gear):
     end, push = rests({'integral_time': 0.0}, gear)
     assert abs(end) < 1e-3
     assert push < 0.6
-
-
-def test_a_joint_that_has_arrived_is_left_alone():
-    plant = Plant([note_model(1)])
-    for _ in range(3000):
-        state = plant.step([0.0], [0.9 * ARRIVED], [0.0])
-    assert state.interaction_torque[0] == pytest.approx(2.0 * 0.9 * ARRIVED, rel=0.01)

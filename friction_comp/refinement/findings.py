@@ -11,18 +11,14 @@ import re
 from friction_comp.refinement.result import AGAIN, Finding, IN_PART, TRUST, Verdict
 
 CODES = {
-    'wrong_sign': 'the sign of effort, position or load is reversed, or a controller responds',
-    'not_friction': 'the current is not that of a motor that overcomes friction alone',
-    'explains_little': 'much of the current depends on something that is not in the recording',
-    'extrapolates': 'motion that was not fitted is predicted clearly worse',
-    'recordings_differ': 'recordings that are fitted together contradict each other',
-    'unexplained': 'the remaining error depends on a variable',
-    'ambiguous': 'two effects explain the recordings equally well',
-    'other_joints': 'other joints moved, or stood, and no URDF tells what they do',
-    'little_motion': 'the motion, or the load, varied too little',
-    'signals': 'signals contradict each other, end at a limit, or have another unit',
-    'impossible': 'a number is one that no drive has, or is not known',
-    'not_known': 'what the recording does not show'}
+    'wrong_sign': 'a sign is reversed', 'not_friction': 'the current is not that of friction',
+    'explains_little': 'much is not in the recording',
+    'extrapolates': 'other motion is predicted worse',
+    'recordings_differ': 'recordings contradict each other',
+    'unexplained': 'the error depends on a variable', 'ambiguous': 'two effects explain it',
+    'other_joints': 'other joints moved, or stood',
+    'little_motion': 'motion or load hardly varied', 'signals': 'signals contradict, or are cut',
+    'impossible': 'a number that no drive has', 'not_known': 'what does not show'}
 """Codes of all findings, each with what it says."""
 
 _EXPERIMENTS = {

@@ -19,6 +19,7 @@ import numpy as np
 
 from friction_comp.model.effects import Coverage
 from friction_comp.refinement import thresholds
+from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import EQ6_LINEAR, first_model, proposals, Table, Term
 
 _STEP = 1e-3
@@ -114,6 +115,24 @@ class Search:
         share, errors = gain_of(before, after)
         return share > thresholds.LEAST_SHARE and errors > thresholds.STANDARD_ERRORS
 
+    def holds_over_time(self, term: Term, rest: Sequence[Term]) -> bool:
+        """Return whether an effect of time lowers the error in parts of time, too, beside others.
+
+        What depends on time differs in time, not in motion; and another recording is predicted
+        without it.
+        """
+        if term.kind.variable != 'time':
+            return True
+        table, start = self.table, self.table.rows.start
+        part = np.argsort(np.argsort(start)) * int(thresholds.REGIMES) // len(start)
+        errors = []
+        for terms in (rest, [*rest, term]):
+            columns = table.indices(terms)
+            sums = BlockSums.over(np.vstack((table.columns[columns], table.target)), part,
+                                  table.sums.signs[columns])
+            errors.append(sums.held_out_errors(range(len(columns))))
+        return self.is_better(*errors)
+
     def with_own_terms(self, terms: Sequence[Term]) -> list[Term]:
         """Return terms, and the joint's own inertia or weight where groups of other joints need it.
 
@@ -182,6 +201,7 @@ class Search:
                       for term in self.shortlist(terms)]
             trials.sort(key=lambda trial: float(trial[0].sum()))
             best = next((term for after, term in trials if self.is_better(before, after)
+                         and self.holds_over_time(term, terms)
                          and term in self.without_collinear([*terms, term])), None)
             if best is None:
                 return terms

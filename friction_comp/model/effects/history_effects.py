@@ -23,15 +23,20 @@ from friction_comp.model.effects.steps import backlash_step, dahl_step, rest_ste
 _SHORTEST = 30.0
 
 
+def _range(coverage: Coverage) -> float:
+    """Return the range of position, of a radian at most: no gear yields over more than a part."""
+    return min(coverage.span, 1.0)
+
+
 def _shortest_reversal(coverage: Coverage, steps: float = 3.0) -> float:
-    return max(1e-4 * coverage.span, steps * coverage.resolution)
+    return max(1e-4 * _range(coverage), steps * coverage.resolution)
 
 
 def _distance_search(width: float, largest: float, steps: float = 3.0) -> SearchRange:
     """Return the search of a distance over steps that are resolved, up to a share of the range."""
     def limits(coverage: Coverage, _: dict[str, float]) -> tuple[float, float]:
         shortest = _shortest_reversal(coverage, steps)
-        return shortest, max(largest * coverage.span, 2.0 * shortest)
+        return shortest, max(largest * _range(coverage), 2.0 * shortest)
     return SearchRange(width, limits=limits)
 
 
@@ -73,8 +78,8 @@ class Hysteresis(Effect):
         'distance': _distance_search(1.6, 0.25),
         'exponent': SearchRange(1.5, limits=lambda *_: (0.3, 3.0)), 'transition': None}
     tried = {'distance': lambda coverage: np.geomspace(
-        min(max(3e-4 * coverage.span, 3.0 * coverage.resolution), 0.02 * coverage.span),
-        0.15 * coverage.span, 12), 'exponent': (1.0,)}
+        min(max(3e-4 * _range(coverage), 3.0 * coverage.resolution), 0.02 * _range(coverage)),
+        0.15 * _range(coverage), 12), 'exponent': (1.0,)}
     shown_by = (_hardly_reversed, too_coarse)
     signs = (1,)
     has_memory = True

@@ -67,11 +67,11 @@ def spectrum_peaks(view: ResidualView, amplitude: np.ndarray) -> list[float]:
     k = 2.0 * math.pi * np.fft.rfftfreq(size, width)
     keep = (k >= 2.0 * math.pi * FEWEST_PERIODS / span) & (k <= highest)
     separation = 2.0 * math.pi / coverage.span
+    power = np.abs(np.fft.rfft(sums, size)) ** 2
+    keep[keep] = above_noise(power[keep])
     if turns_often(coverage):
         near = 0.5 * separation
         keep &= (np.abs(k - np.round(k)) < near) & (k > 1.0 - near)
-    power = np.abs(np.fft.rfft(sums, size)) ** 2
-    keep &= above_noise(power)
     k, power = k[keep], power[keep]
     found: list[float] = []
     for row in np.argsort(power)[::-1][:2000]:
