@@ -262,6 +262,3 @@ def test_each_joint_is_evaluated_and_compared_with_its_own_model(tmp_path, capsy
         {'elbow': 1.0, 'wrist': 0.5}, rel=0.02)
     residuals = {one['figures']['residual_current']['mean'] for one in conditions.values()}
     assert len(residuals) == 2
-    # A program gets the report on standard output.
-    assert run('evaluate', [*command, '--json']) == 0
-    assert json.loads(capsys.readouterr().out) == report

@@ -162,13 +162,13 @@ def test_output_appears_only_when_all_is_done(tmp_path):
 
 def test_arguments_that_are_wrong_take_one_line(capsys):
     def parse(*argv):
-        return Arguments('tool', 'Does things.').add_recordings().add_drive().add_output().parse(
+        return Arguments('tool', 'Does things.').add_recordings().add_output().parse(
             list(argv))
 
     for argv, words in (
             ((), 'RECORDING'), (('r',), '--output'),
-            (('r', '--output', 'o', '--gear-ratio', '-3'), 'positive finite number'),
-            (('r', '--output', 'o', '--torque-constant', 'x'), 'positive finite number'),
+            (('r', '--output', 'o', '--rate', '-3'), 'positive finite number'),
+            (('r', '--output', 'o', '--rate', 'x'), 'positive finite number'),
             (('r', '--output', 'o', '--what'), '--what')):
         with pytest.raises(SystemExit) as exit_:
             parse(*argv)
@@ -177,10 +177,10 @@ def test_arguments_that_are_wrong_take_one_line(capsys):
         assert error.count('\n') == 1
         assert error.startswith('tool: ')
         assert words in error
-    arguments = parse('r', 's', '--output', 'o', '--gear-ratio', '100', '--ros-args', '-r', 'x:=y')
+    arguments = parse('r', 's', '--output', 'o', '--rate', '100', '--ros-args', '-r', 'x:=y')
     assert arguments.recordings == [Path('r'), Path('s')]
-    assert arguments.gear_ratio == 100.0
-    assert arguments.torque_constant is None
+    assert arguments.rate == 100.0
+    assert arguments.joint is None
 
 
 def test_json_has_no_values_that_others_cannot_read():

@@ -24,7 +24,7 @@ from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, encodable, file_names, output_folder
 from friction_comp.recorded_drive.given import Given
-from friction_comp.results import Page, to_json, write_report
+from friction_comp.results import Page, write_report
 from friction_comp.tables.columns import Column, Layout, without_time
 from friction_comp.tables.table_files import is_table, Table
 
@@ -120,50 +120,17 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument('--damping', metavar='KD', help='k_d in N·m·s/rad, as --stiffness')
         return self
 
-    def add_drive(self) -> Arguments:
-        """Add --torque-constant and --gear-ratio, None by default."""
-        self.add_argument(
-            '--torque-constant', metavar='KT', type=positive,
-            help='k_t in N·m/A: current is effort / (k_t · n)')
-        self.add_argument('--gear-ratio', metavar='N', type=positive, help='n, motor turns per '
-                          'joint turn')
-        return self
-
-    def add_jobs(self) -> Arguments:
-        """Add --jobs, None by default."""
-        self.add_argument(
-            '--jobs', metavar='N', type=whole_number(),
-            help='processes, a recording each (as many as processors, where that saves time)')
-        return self
-
-    def add_json(self) -> Arguments:
-        """Add --json."""
-        self.add_argument('--json', action='store_true',
-                          help='print the content of report.json instead of text')
-        return self
-
-    def add_output_file(self, what: str) -> Arguments:
-        """Add --output, a file."""
-        self.add_argument('--output', metavar='FILE', type=Path, required=True, help=what)
-        self._check_output = check_file
-        return self
-
-    def add_output(self) -> Arguments:
-        """Add --output, a folder."""
-        self.add_argument('--output', metavar='DIR', type=Path, required=True,
-                          help='folder for the results, created if missing')
-        self._check_output = check_folder
+    def add_output(self, file: str = '') -> Arguments:
+        """Add --output: a folder, or a file that holds what `file` says."""
+        self.add_argument('--output', metavar='FILE' if file else 'DIR', type=Path, required=True,
+                          help=file or 'folder for the results, created if missing')
+        self._check_output = check_file if file else check_folder
         return self
 
 
 def positive(text: str) -> float:
     """Return a positive finite number from an argument."""
     return _checked(text, float, lambda value: check_number(value, '', above=0.0))
-
-
-def number(text: str) -> float:
-    """Return a finite number from an argument that is not negative."""
-    return _checked(text, float, lambda value: check_number(value, '', least=0.0))
 
 
 def whole_number(least: int = 1, most: float = math.inf) -> Callable[[str], int]:
@@ -266,13 +233,3 @@ def write_results(arguments: Namespace, content: dict[str, Any], page: Page,
             model.save(folder / 'model.yaml')
         for name, text in (files or {}).items():
             (folder / name).write_text(encodable(text), encoding='utf-8')
-
-
-def print_results(arguments: Namespace, content: dict[str, Any], lines: Iterable[str],
-                  made: str = 'report.html') -> int:
-    """Print lines and the path of a file that was made, or with --json the report; return 0."""
-    if getattr(arguments, 'json', False):
-        print(to_json(content), end='')
-    else:
-        print(*lines, *([arguments.output / made] if made else []), sep='\n')
-    return 0

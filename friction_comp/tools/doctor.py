@@ -18,7 +18,7 @@ from typing import Any
 from friction_comp.package_files import add_environment_to_ament_path, middlewares
 from friction_comp.results import to_json
 from friction_comp.terminal import progress
-from friction_comp.tools.common import Arguments, number
+from friction_comp.tools.common import Arguments, whole_number
 
 _REQUIRED = ('numpy', 'scipy', 'numba', 'yaml', 'matplotlib', 'rosbags', 'mcap')
 _OPTIONAL = {'pinocchio': 'refine --urdf', 'mujoco': 'plant with arm_file',
@@ -33,7 +33,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = Arguments('doctor', __doc__, (
         '', '--seconds 0', '--seconds 10',
         '--ros-args -r current_command:=/current_controller/commands'))
-    parser.add_argument('--seconds', metavar='S', type=number, default=5.0,
+    parser.add_argument('--seconds', metavar='S', type=whole_number(0), default=5,
                         help='how long to observe the running system (%(default)s); 0: check this '
                         'machine only')
     parser.add_argument('--json', action='store_true', help='print findings as JSON')

@@ -19,13 +19,7 @@ from friction_comp import __version__
 from friction_comp.errors import InputError
 from friction_comp.files import read_json
 from friction_comp.terminal import progress
-from friction_comp.tools.common import (
-    Arguments,
-    positive,
-    print_results,
-    whole_number,
-    write_results,
-)
+from friction_comp.tools.common import Arguments, positive, whole_number, write_results
 
 if TYPE_CHECKING:
     from friction_comp.excitation.joint_limits import JointLimits
@@ -90,9 +84,9 @@ def main(argv: list[str] | None = None) -> int:
         pair, share = min(plan.separation.items(), key=lambda entry: entry[1])
         lines.append(f'{plan.limits.joint}: {len(plan.moves)} moves; hardest to distinguish: '
                      f'{" and ".join(pair)}, {100 * share:.2g} % of the one is its own')
-    return print_results(arguments, content, [
-        *lines, f'{checked}; begins and ends at rest in the middle of each range'],
-        'trajectory.yaml')
+    print(*lines, f'{checked}; begins and ends at rest in the middle of each range',
+          arguments.output / 'trajectory.yaml', sep='\n')
+    return 0
 
 
 def add_limits(parser: Arguments) -> None:

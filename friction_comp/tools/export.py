@@ -46,7 +46,7 @@ def main(argv: list[str] | None = None) -> int:
                         'model, else "joint"')
     parser.add_argument('--without-inertia', action='store_true',
                         help='leave out the inertia, which a simulator with links counts twice')
-    parser.add_output_file('the file to write')
+    parser.add_output('the file to write')
     arguments = parser.parse(argv)
     from friction_comp.model.friction_model import FrictionModel
 

@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
     ).add_recordings(several=False)
     parser.add_argument('--model', metavar='FILE', type=Path, required=True,
                         help='model file that refine or identification wrote')
-    parser.add_output_file('CSV file with the columns time, measured, predicted; of a plan time, '
+    parser.add_output('CSV file with the columns time, measured, predicted; of a plan time, '
                            'torque')
     arguments = parser.parse(argv)
     from friction_comp.tables.table_recording import read_plan

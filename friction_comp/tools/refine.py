@@ -4,14 +4,13 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
 from pathlib import Path
 
 from friction_comp.errors import InputError
 from friction_comp.number_text import in_own_units
 from friction_comp.tables.units import signal_with_unit
 from friction_comp.terminal import progress
-from friction_comp.tools.common import Arguments, check_tables, given_of, print_results
+from friction_comp.tools.common import Arguments, check_tables, given_of, positive, whole_number
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -21,7 +20,13 @@ def main(argv: list[str] | None = None) -> int:
         'examples/elbow --model config/armin_configuration_2.yaml --output output/refined')
     ).add_recordings(unit_help=(
         '; alone, such as A, the unit of the report (A with a torque constant, a gear ratio or a '
-        'model, else N·m)')).add_drive().add_output().add_jobs().add_json()
+        'model, else N·m)')).add_output()
+    parser.add_argument('--torque-constant', metavar='KT', type=positive,
+                        help='k_t in N·m/A: current is effort / (k_t · n)')
+    parser.add_argument('--gear-ratio', metavar='N', type=positive,
+                        help='n, motor turns per joint turn')
+    parser.add_argument('--jobs', metavar='N', type=whole_number(), help='processes for --each, a '
+                        'recording each (as many as processors, where that saves time)')
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help='model to start from, or with the drive alone')
     parser.add_argument('--urdf', metavar='FILE', type=Path,
@@ -33,7 +38,9 @@ def main(argv: list[str] | None = None) -> int:
                         'same paths')
     arguments = parser.parse(argv)
     arguments.unit, arguments.figures = _units(arguments.unit)
-    _check_together(arguments)
+    if arguments.scheduler and (arguments.jobs or not arguments.each):
+        raise InputError('--scheduler goes with --each, and without --jobs: Dask decides how many '
+                         'recordings are refined at once')
     means = check_tables(arguments)
     if means is not None:
         from friction_comp.tools.refine_table import refine_table
@@ -58,14 +65,9 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.reports.refinement_page import terminal_lines
 
     names = [str(path) for path in arguments.recordings]
-    return print_results(arguments, result.content(), in_own_units(
-        terminal_lines(result, names, arguments.output), result.model.is_linear), made='')
-
-
-def _check_together(arguments: Namespace) -> None:
-    if arguments.scheduler and (arguments.jobs or not arguments.each):
-        raise InputError('--scheduler goes with --each, and without --jobs: Dask decides how many '
-                         'recordings are refined at once')
+    print(*in_own_units(terminal_lines(result, names, arguments.output), result.model.is_linear),
+          sep='\n')
+    return 0
 
 
 def _units(text: str | None) -> tuple[str | None, str | None]:

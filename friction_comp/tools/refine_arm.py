@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
-from typing import Any
 
 from friction_comp.arm.whole_arm import ArmResult, refine_arm
 from friction_comp.errors import InputError
@@ -21,13 +20,13 @@ from friction_comp.reports.fleet_page import arm_page
 from friction_comp.reports.refinement_page import refinement_page, summary_lines
 from friction_comp.results import write_report
 from friction_comp.terminal import progress
-from friction_comp.tools.common import folder_names, given_of, print_results
+from friction_comp.tools.common import folder_names, given_of
 
 
 def refine_whole_arm(arguments: Namespace) -> int:
     """Refine the joints of an arm and write their reports and models; return 0.
 
-    Each has a folder next to the files of the whole arm, except that of ``--joint``.
+    Each has a folder next to the files of the whole arm.
     """
     if arguments.figures not in (None, 'A', 'N·m', 'Nm'):
         raise InputError(f'--unit: with --urdf effort is in A or N·m, not in {arguments.figures}')
@@ -68,10 +67,12 @@ def refine_whole_arm(arguments: Namespace) -> int:
             raise InputError(f'{"" if named else f"{names[0]}: "}{error}') from None
         report(0.9, 'writing')
         with output_folder(arguments.output) as folder:
-            content = _write(folder, result, names, arguments)
-    return print_results(arguments, content, [*(f'note: {line}' for line in result.notes), *(
+            _write(folder, result, names, arguments)
+    print(*(f'note: {line}' for line in result.notes), *(
         line for name, one in result.results.items()
-        for line in (f'{name}:', *summary_lines(one.report)))])
+        for line in (f'{name}:', *summary_lines(one.report))),
+        arguments.output / 'report.html', sep='\n')
+    return 0
 
 
 def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
@@ -88,23 +89,16 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
     return {name: FrictionModel.load(arguments.model, name) for name in joints}
 
 
-def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespace
-           ) -> dict[str, Any]:
-    """Write the files of each joint, and those of the whole arm; return the main report."""
-    arm, joint, command = result.report(), arguments.joint, arguments.command
-    folders = {name: folder if joint else folder / own
-               for name, own in zip(result.results, folder_names(result.results))}
-    shown = {name: arguments.output / own.relative_to(folder) for name, own in folders.items()}
+def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespace) -> None:
+    """Write the files of each joint, and those of the whole arm."""
+    reports = {name: one.report.content() for name, one in result.results.items()}
+    folders = dict(zip(reports, folder_names(reports)))
     for name, one in result.results.items():
-        folders[name].mkdir(exist_ok=True)
-        own = {**one.report.content(), 'arm': arm} if joint else one.report.content()
-        write_report(folders[name], own, refinement_page(one, names, shown[name]), command)
-        one.model.save(folders[name] / 'model.yaml')
-    if joint:
-        return own
-    whole = {'unit': next(iter(result.results.values())).report.unit, 'arm': arm,
-             'joints': {name: one.report.content() for name, one in result.results.items()}}
-    write_report(folder, whole, arm_page(
-        result, names, {name: own.name for name, own in folders.items()}), command)
+        (folder / folders[name]).mkdir(exist_ok=True)
+        write_report(folder / folders[name], reports[name], refinement_page(
+            one, names, arguments.output / folders[name]), arguments.command)
+        one.model.save(folder / folders[name] / 'model.yaml')
+    whole = {'unit': next(iter(result.results.values())).report.unit, 'arm': result.report(),
+             'joints': reports}
+    write_report(folder, whole, arm_page(result, names, folders), arguments.command)
     write_arm(folder / 'model.yaml', {name: one.model for name, one in result.results.items()})
-    return whole

@@ -28,13 +28,7 @@ from friction_comp.recordings.sources import Piece, pieces_of
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.results import to_json
 from friction_comp.terminal import progress
-from friction_comp.tools.common import (
-    folder_names,
-    given_of,
-    layout_of,
-    print_results,
-    write_results,
-)
+from friction_comp.tools.common import folder_names, given_of, layout_of, write_results
 
 # Recordings from which processes save more time than their start takes, some seconds each.
 MIN_SHARED = 8
@@ -107,7 +101,8 @@ def refine_each(arguments: Namespace) -> int:
                   + effect_names(effect['name'] for effect in row['effects'])
                   for row in content['recordings']]
     lines += [f'left out: {reason}' for reason in content['failed']]
-    return print_results(arguments, content, (line.replace('**', '') for line in lines))
+    print(*(line.replace('**', '') for line in lines), arguments.output / 'report.html', sep='\n')
+    return 0
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from friction_comp.statistics import rms
 from friction_comp.tables.column_names import read_name
 from friction_comp.tables.columns import Column
 from friction_comp.tables.table_files import Table
-from friction_comp.tools.common import given_of, print_results, write_results
+from friction_comp.tools.common import given_of, write_results
 
 _OTHER_OPTIONS = ('model', 'urdf', 'each', 'stiffness', 'rate')
 
@@ -66,12 +66,13 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
     page = steady_state_page(report, fit.model, fit.speeds, fit.currents, str(path), steps)
     write_results(arguments, report, page, fit.model)
     table_of = [Row('', 'friction', 'value', '95 % interval', ''), *steady_state_rows(report)]
-    return print_results(arguments, report, in_own_units([
+    print(*in_own_units([
         f'{path}: {len(fit.speeds)} constant speeds', '',
         f"{report['verdict'].upper()}: {report['reasons'][0]}",
         *(f'  {line}' for line in report['reasons'][1:]), '', *table_lines(table_of), '',
         *(f'note: {line}' for line in report['warnings']), '', *step_lines([
-            ('look', str(arguments.output / 'report.html')), *steps])], linear), made='')
+            ('look', str(arguments.output / 'report.html')), *steps])], linear), sep='\n')
+    return 0
 
 
 def _report(fit: SteadyStates, unit: str, loads: list[str]) -> dict[str, Any]:

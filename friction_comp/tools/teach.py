@@ -22,7 +22,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = Arguments('teach', __doc__, (
         'examples/elbow/with_direction.mcap.zstd --output output/exercise.yaml',
         'guided --limits joint_limits.yaml --output exercise.yaml')).add_recordings(several=False)
-    parser.add_output_file('exercise file to write')
+    parser.add_output('exercise file to write')
     parser.add_argument('--limits', metavar='FILE', type=Path,
                         help="file with limits, as MoveIt's joint_limits.yaml: positions beyond "
                         'them are refused, faster movements slowed down')
