@@ -26,7 +26,7 @@ JOINT = 'armin_1'
 TRUE_MODEL = package_file('config', 'armin_configuration_1.yaml')
 UNDECLARED = package_file('config', 'undeclared_example.yaml')
 GOAL = {
-    'joint': JOINT, 'speeds': [math.radians(v) for v in (10.0, 30.0, 60.0)],
+    'joint': JOINT, 'speeds': [math.radians(v) for v in (15.0, 30.0, 60.0)],
     'motion_range': 1.6, 'ramp_slope': 0.15, 'ramp_period': 3.0, 'breakaway_cycles': 3}
 MOVEMENT: dict[str, Any] = {
     'amplitude': math.radians(40.0), 'speed': math.radians(30.0), 'acceleration_time': 0.5,

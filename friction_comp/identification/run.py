@@ -199,9 +199,11 @@ class IdentificationRun(SupervisedRun):
             if gain < self.gains[0] and self.bandwidth(gain) < LEAST_BANDWIDTH:
                 break
             driven = yield from self._one_cycle(speed, gain)
-            if driven is not None and (
-                    best is None or driven.scatter < _STEADIER * best.scatter):
-                best = driven
+            if best is not None and (
+                    driven is None or driven.scatter >= _STEADIER * best.scatter):
+                # Not the controller but friction itself varies.
+                break
+            best = driven
             if best is not None and best.scatter <= twice.MAX_SCATTER:
                 break
         if best is None:
