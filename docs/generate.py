@@ -285,8 +285,8 @@ def note_rest() -> str:
 
 PARTS: dict[str, Callable[[], str]] = {
     'options': options, 'report fields': report_fields, 'findings': findings, 'effects': effects,
-    'claims': claims, 'said': said, 'first': first, 'demo': demo, 'reproduce': reproduce, 'laws': laws,
-    'note plateaus': note_plateaus, 'note peaks': note_peaks, 'note rest': note_rest}
+    'claims': claims, 'said': said, 'first': first, 'demo': demo, 'reproduce': reproduce,
+    'laws': laws, 'note plateaus': note_plateaus, 'note peaks': note_peaks, 'note rest': note_rest}
 
 
 def written(text: str) -> str:
