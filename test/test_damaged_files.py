@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A good file of each format, cut, with one bit or one length changed: an answer, or one line.
 
-FRICTION_COMP_MUTATIONS is how many of each format are tried, each in a process with 3 GB and 20 s.
+FRICTION_COMP_MUTATIONS is how many of each format are tried, each in a process with 3 GB and 20 s
+of processor time.
 """
 
 import os
@@ -32,6 +33,7 @@ from friction_comp.excitation.joint_limits import from_urdf
 from friction_comp.excitation.separation import pairs_in
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.files import read_json
+from friction_comp.interrupts import end_by_exception, Ended
 from friction_comp.recordings import write_samples
 from friction_comp.results import to_json
 from friction_comp.samples import Samples
@@ -160,6 +162,7 @@ def answer(folder, what, file='', most=resource.RLIM_INFINITY, end=None):
 
     No file may become larger than `most` bytes; `end` is a signal, and the s after which it comes.
     """
+    begun, begin = os.pipe()
     child = os.fork()
     if not child:
         code = 99
@@ -170,14 +173,20 @@ def answer(folder, what, file='', most=resource.RLIM_INFINITY, end=None):
             sys.stdout, sys.stderr = (os.fdopen(number, 'w', 1) for number in (1, 2))
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+            for number in (signal.SIGALRM, signal.SIGXCPU):
+                signal.signal(number, signal.SIG_DFL)
             signal.signal(signal.SIGINT, signal.default_int_handler)
-            signal.signal(signal.SIGALRM, signal.SIG_DFL)
-            signal.alarm(SECONDS)
+            end_by_exception()
+            os.write(begin, b'.')
+            resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+            signal.alarm(6 * SECONDS)   # it may also wait
             os.chdir(folder / 'work')
             tempfile.tempdir = str(folder / 'temporary')
             code = run(what[0], what[1:]) if isinstance(what, list) else what(file)
         except SystemExit as error:
             code = error.code
+        except Ended as ended:
+            code = 128 + ended.number
         except BaseException:
             traceback.print_exc()
         finally:
@@ -185,8 +194,11 @@ def answer(folder, what, file='', most=resource.RLIM_INFINITY, end=None):
             sys.stderr.flush()
             os._exit(code)
     if end:
+        os.read(begun, 1)
         time.sleep(end[1])
         os.kill(child, end[0])
+    os.close(begun)
+    os.close(begin)
     _, status = os.waitpid(child, 0)
     return os.waitstatus_to_exitcode(status), *(
         (folder / 'said' / name).read_text(errors='replace') for name in ('stdout', 'stderr'))

@@ -347,12 +347,16 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
     size = len(next(iter(values.values())))
     time = use.signal_in(values, 'time')
     time = np.arange(size) / layout.rate if layout and layout.rate else time
+    positions = {name: use.signal_in(values, 'position', name) for name in use.joints}
+    if not np.isfinite([time, *positions.values()]).all():
+        raise InputError(f'{path}: a plan has a time and the position of each joint in every row')
+    if not (np.diff(time) > 0.0).all():
+        raise InputError(f'{path}: its times do not rise')
     with errors_name(path):
         joints = {name: Samples.from_arrays(
-            time, use.signal_in(values, 'position', name), current=np.zeros(size),
-            velocity=use.signal_in(values, 'velocity', name), joint=name) for name in use.joints}
-    if len({len(samples) for samples in joints.values()}) > 1:
-        raise InputError(f'{path}: some joints lack a position in some rows')
+            time, position, current=np.zeros(size),
+            velocity=use.signal_in(values, 'velocity', name), joint=name)
+            for name, position in positions.items()}
     arm = JointStates(tuple(joints), np.column_stack([one.position for one in joints.values()]))
     return {name: samples.with_(arm=arm) for name, samples in joints.items()}
 
