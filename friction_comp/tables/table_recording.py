@@ -348,9 +348,10 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
     time = use.signal_in(values, 'time')
     time = np.arange(size) / layout.rate if layout and layout.rate else time
     positions = {name: use.signal_in(values, 'position', name) for name in use.joints}
-    if not np.isfinite([time, *positions.values()]).all():
+    rows: Any = np.array([time, *positions.values()], dtype=float)
+    if not np.isfinite(rows).all():
         raise InputError(f'{path}: a plan has a time and the position of each joint in every row')
-    if not (np.diff(time) > 0.0).all():
+    if not (np.diff(rows[0]) > 0.0).all():
         raise InputError(f'{path}: its times do not rise')
     with errors_name(path):
         joints = {name: Samples.from_arrays(
