@@ -66,13 +66,13 @@ class FoundEffect:
     name: str  # that in the model file
     variable: str  # what it depends on
     held_out_rmse: float  # with it and all effects above it
-    chosen: float  # share of the regimes that are predicted better with it, 0..1
+    chosen: float  # share of regimes predicted better with it, 0..1
     parameters: dict[str, Any]  # as in the model file
     intervals: dict[str, Any]  # 95 %, of the same names
     holds_on_another_day: bool | None  # false if it is this recording's alone; none of a lag
     in_words: str  # for readers
     formula: str  # the same as a formula
-    # Names of other effects that would predict as well: the recording cannot tell which it is.
+    # Other effects that predict as well.
     instead: list[str] = field(default_factory=list)
 
 
