@@ -212,7 +212,7 @@ class Values:
 
 @dataclass(frozen=True)
 class Spread:
-    """The population of a parameter, without the units that are out, as it is compared."""
+    """The population of a parameter, without the units that are out."""
 
     mean: float
     mean_error: float

@@ -17,7 +17,7 @@ from friction_comp.recorded_drive.refine_recordings import assumed_in, notes_on,
 from friction_comp.recordings import read_arm
 from friction_comp.refinement import Origin
 from friction_comp.reports.fleet_page import arm_page
-from friction_comp.reports.refinement_page import refinement_page, summary_lines
+from friction_comp.reports.refinement_page import refinement_page, step_lines, summary_lines
 from friction_comp.results import write_report
 from friction_comp.terminal import progress
 from friction_comp.tools.common import folder_names, given_of
@@ -71,8 +71,23 @@ def refine_whole_arm(arguments: Namespace) -> int:
     print(*(f'note: {line}' for line in result.notes), *(
         line for name, one in result.results.items()
         for line in (f'{name}:', *summary_lines(one.report))),
+        *step_lines(_next_steps(result, arguments.output / 'model.yaml')),
         arguments.output / 'report.html', sep='\n')
     return 0
+
+
+def _next_steps(result: ArmResult, model: Path) -> list[tuple[str, str]]:
+    record = dict.fromkeys(line for one in result.results.values()
+                           for line in one.report.record_again)
+    steps = [('record', line) for line in record]
+    usable = [name for name, one in result.results.items()
+              if one.report.verdict != 'record again']
+    if usable:
+        steps += [('check', f'python3 -m friction_comp predict OTHER --model {model} --joint '
+                   f'{usable[0]} --output current.csv'),
+                  ('compensate', f'joints [{", ".join(usable)}], and {model} for each in '
+                   'model_files')]
+    return steps
 
 
 def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
