@@ -9,11 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
-from rosbags.typesys import get_types_from_msg, get_typestore, Stores
-from rosbags.typesys.store import Typestore
 
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
 from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
@@ -22,6 +20,9 @@ from friction_comp.statistics import evenly_spread
 from friction_comp.tables.columns import STATES
 from friction_comp.tables.units import Unit
 from friction_comp.topics import TOPICS, TORQUE_UNIT
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
 
 # Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them: used
 # where the usual ones have no effort.
@@ -42,6 +43,9 @@ _BATCH, _MOST, _STRETCH = 20_000, 50_000_000, 10 * NANO
 
 def message_types() -> Typestore:
     """Return the message types of ROS 2, and that of dynamic joint states."""
+    # A table needs none of them.
+    from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
     # In Jazzy they are the same; its module takes longer to import.
     types = get_typestore(Stores.ROS2_FOXY)
     types.register({
