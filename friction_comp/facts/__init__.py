@@ -12,8 +12,8 @@ The functions also run in control loops, so they need NumPy alone.
 `motion.not_in_radians`, `not_in_seconds`             units that cannot be
 `motion.turns_of`, `glitches`                         wrapped angles, positions that jump and return
 `timing.rhythm`, `gap_length`, `lost_rows`            rate, gaps, rows that are missing
-`timing.held_rows`                                    rows that repeat what was measured before
-`resolution.positions`, `encoder_fault`               steps of an encoder
+`timing.held_rows`, `recorded.tidied`                 rows that repeat what was measured before
+`motion.positions`, `encoder_fault`                   steps of an encoder
 `current.current_answer`, `CurrentCheck`, `gain_fault`  measured against commanded current, delay
 `current.saturated`, `wrong_sign`                     limits of a current, its sign
 ====================================================  ==========================================

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from friction_comp.drive import Drive
 from friction_comp.facts.timing import gap_length
 from friction_comp.samples import beyond, LIMITS, Samples
 from friction_comp.statistics import rms, smallest_step
@@ -56,6 +57,12 @@ _WRAP, _SLOW = (0.9, 1.1), 0.05
 # A position that is so many times as far from its neighbours as is usual is a glitch, if these are
 # rare; fewest positions that tell.
 _GLITCH, _GLITCHES, _FEWEST_OF_GLITCHES = 20.0, 0.005, 200
+# rad; smaller changes of position are rounding.
+_ROUNDING = 1e-9
+# Largest change of position that is compared, in its steps; the least step that is reported, in
+# counts; how exactly changes are whole numbers of steps, of how many, with which share of longer
+# ones.
+_MOST_STEPS, _SEVERAL, _EXACT, _FEWEST, _LONGER = 6.0, 5.0, 0.02, 20, 0.1
 
 _VELOCITY_UNITS = {
     math.degrees(1.0): 'velocity is in deg/s, not rad/s',
@@ -312,3 +319,33 @@ class VelocityCheck:
             self._ratios.extend(ratios)
             if len(ratios) and len(self._ratios) == self._ratios.maxlen:
                 self.fault = agreement_of(np.array(self._ratios)).fault
+
+
+# Steps of an encoder.
+
+def positions(position: np.ndarray) -> float:
+    """Return the number of positions that an encoder resolves, infinite if hardly any repeats."""
+    values = np.unique(np.round(position / max(float(np.ptp(position)), 1e-300), 9))
+    return math.inf if len(values) > 0.5 * len(position) else float(len(values))
+
+
+def encoder_fault(drive: Drive, position: np.ndarray) -> str:
+    """Return what is wrong with a drive's `encoder_counts` by a position, rad, (N,); or ''.
+
+    Its changes are then one, two and more steps of several counts, and nothing in between. A
+    constant velocity shows no steps.
+    """
+    known, changes = drive.position_resolution, np.abs(np.diff(position))
+    changes = changes[changes > _ROUNDING]
+    if known is None or not len(changes) or changes.min() < _SEVERAL * known:
+        return ''
+    step = float(changes.min())
+    parts = changes[changes < _MOST_STEPS * step] / step
+    whole = np.rint(parts)
+    if (len(parts) < _FEWEST or np.abs(parts - whole).max() > _EXACT
+            or np.mean(whole > 1.0) < _LONGER):
+        return ''
+    per_turn = 2.0 * math.pi / (step * drive.gear_ratio)
+    return (f'the position changes in steps of {step:.3g} rad, {step / known:.3g} times that '
+            f'of drive.encoder_counts, {drive.encoder_counts:g}: these seem to be about '
+            f'{per_turn:.3g} per motor turn')

@@ -20,8 +20,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.facts.current import ALIKE, Answer, CurrentCheck, FOLLOWS, gain_fault
-from friction_comp.facts.motion import VelocityCheck
-from friction_comp.facts.resolution import encoder_fault
+from friction_comp.facts.motion import encoder_fault, VelocityCheck
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.low_pass import low_pass_weight
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.facts.resolution import positions
+from friction_comp.facts.motion import positions
 from friction_comp.model.differentiation import differentiate
 from friction_comp.model.effects import Coverage
 from friction_comp.refinement import recorded_motion, thresholds
