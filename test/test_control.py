@@ -328,22 +328,6 @@ def test_a_round_holds_no_state_from_before_a_restart():
     assert states.position.tolist() == [1.0, 1.0]
 
 
-def test_old_states_tell_an_overloaded_machine_from_another_clock():
-    def wrong(inputs, stamp, received):
-        now = 10 * SECOND
-        inputs.take(joint_state(stamp, ['elbow'], [0.0]), now, received)
-        return inputs.wrong
-    late, fresh = 10 * SECOND - SECOND // 3, 10 * SECOND - SECOND // 100
-    assert 'clocks differ' in wrong(JointStateInput(['elbow'], SECOND // 20), late, fresh)
-    assert 'this machine is overloaded' in wrong(
-        JointStateInput(['elbow'], SECOND // 20), late, late + SECOND // 100)
-    agreed = JointStateInput(['elbow'], SECOND // 20)
-    assert wrong(agreed, fresh - SECOND // 100, fresh) == ''
-    agreed.forget()
-    assert 'earlier ones were in time' in wrong(agreed, late, fresh)
-    assert 'clocks' not in wrong(agreed, late, fresh)
-
-
 def test_a_temperature_has_the_stamp_of_the_newest_state_and_an_impossible_one_is_passed_over():
     desk = Desk()
     desk.state()

@@ -90,11 +90,11 @@ def test_a_goal_that_fails_leaves_zero_current_and_no_file(room):
             reply = probe.complete(outcome, 'the result')
             assert reply.status == GoalStatus.STATUS_ABORTED
             # On a busy machine they may wait to be read before the test lets them fall silent.
-            assert re.search('silent|wait to be read', reply.result.message)
+            assert re.search('silent|s old', reply.result.message)
         outcome = driver.pushed(goals)
         driver.position = float('nan')
         driver.drive(outcome.done, 'the result')
-        assert re.search('finite|silent|wait to be read', outcome.result().result.message)
+        assert re.search('finite|silent|s old', outcome.result().result.message)
         leaves_zero()
         driver.pushed(goals)
         process.send(signal.SIGTERM)

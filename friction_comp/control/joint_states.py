@@ -89,7 +89,6 @@ class JointStateInput:
         # If there are several, as the node says. They number their messages: if the numbers of a
         # joint do not increase, two of them publish it, and its value is ambiguous.
         self.publishers: list[str] = []
-        self._clocks_agree = False    # a state was in time by the node's clock
         self.forget()
 
     def forget(self) -> None:
@@ -136,8 +135,8 @@ class JointStateInput:
                 return LATE
         age = now - stamp
         if age > self._timeout:
-            why = self._why_old(age, now, received)
-            self.wrong = f'joint_states are {age / NANO:.3g} s old{why}'
+            self.wrong = (f'joint_states are {age / NANO:.3g} s old (clocks differ, use_sim_time is '
+                          'not set alike, or this machine is overloaded?)')
             return STALE
         if age < -self._timeout:
             self.wrong = (f'joint_states are stamped {-age / NANO:.3g} s ahead'
@@ -149,17 +148,7 @@ class JointStateInput:
         if restarted:
             self._last.clear()
         self._last[names] = stamp
-        self._clocks_agree = self._clocks_agree or has_stamp
         return self._keep(message, stamp, restarted)
-
-    def _why_old(self, age: int, now: int, received: int) -> str:
-        if received and 2 * (now - received) > age:
-            return ': they wait to be read, since this machine is overloaded'
-        if self._clocks_agree:
-            # A difference of clocks would have shown from the first state on.
-            return (': earlier ones were in time, so that the machine or the network is '
-                    'overloaded, or the driver stamps them late')
-        return ' (clocks differ, or use_sim_time is not set alike?)'
 
     def _keep(self, message: Any, stamp: int, restarted: bool) -> str:
         """Keep the values of a valid state; return NEW, or PART if others must arrive first."""
