@@ -5,7 +5,6 @@
 from collections import defaultdict
 from contextlib import ExitStack
 from pathlib import Path
-from xml.dom import minidom
 from xml.etree import ElementTree
 
 POLICY = Path(__file__).resolve().parents[1] / 'sros2' / 'friction_comp.policy.xml'
@@ -20,11 +19,6 @@ AT_TIMES = {*(('direction', 'subscribe', topic) for topic in ('/trajectory', '/r
                 'plant', 'compensator', 'identification', 'exercise', 'direction', 'recorder',
                 'refinement')
               for what in ('get_parameters', 'list_parameters'))}
-CHILDREN = {'policy': {'enclaves'}, 'enclaves': {'enclave'}, 'enclave': {'profiles'},
-            'profiles': {'profile'}, 'profile': {'topics', 'services', 'actions'},
-            'topics': {'topic'}, 'services': {'service'}, 'actions': {'action'}}
-RIGHTS = {'topics': {'publish', 'subscribe'}, 'services': {'reply', 'request'},
-          'actions': {'call', 'execute'}}
 
 
 def rights():
@@ -53,27 +47,6 @@ def actions(node, right):
     return {action.text for profile in ElementTree.parse(POLICY).iter('profile')
             if profile.get('node') == node for group in profile.iter('actions')
             if right in group.attrib for action in group}
-
-
-def test_follows_the_schema():
-    """As sros2's policy.xsd has it: order, names and values."""
-    root = ElementTree.parse(POLICY).getroot()
-    assert (root.tag, root.attrib) == ('policy', {'version': '0.2.0'})
-    for element in root.iter():
-        assert {child.tag for child in element} <= CHILDREN.get(element.tag, set())
-        if element.tag in RIGHTS:
-            assert len(element)
-            assert set(element.attrib) <= RIGHTS[element.tag]
-            assert set(element.attrib.values()) == {'ALLOW'}
-    paths = [enclave.get('path') for enclave in root.iter('enclave')]
-    assert len(paths) == len(set(paths))
-
-
-def test_the_key_tool_finds_only_enclaves_in_the_policy():
-    """`ros2 security generate_artifacts` takes whatever stands there for one, comments too."""
-    enclaves, = minidom.parse(str(POLICY)).getElementsByTagName('enclaves')
-    nodes = [node for node in enclaves.childNodes if node.nodeType != node.TEXT_NODE]
-    assert {node.nodeName for node in nodes} == {'enclave'}
 
 
 def test_only_few_nodes_may_command_a_current_or_announce_a_direction():

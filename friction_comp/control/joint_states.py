@@ -135,8 +135,8 @@ class JointStateInput:
                 return LATE
         age = now - stamp
         if age > self._timeout:
-            self.wrong = (f'joint_states are {age / NANO:.3g} s old (clocks differ, use_sim_time is '
-                          'not set alike, or this machine is overloaded?)')
+            self.wrong = (f'joint_states are {age / NANO:.3g} s old (clocks differ, use_sim_time '
+                          'is not set alike, or this machine is overloaded?)')
             return STALE
         if age < -self._timeout:
             self.wrong = (f'joint_states are stamped {-age / NANO:.3g} s ahead'
