@@ -45,9 +45,8 @@ RECORDED = {**TOPICS, '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
 _MEMORY = 20_000
 # Real s between checks of the publishers.
 _CHECK_PERIOD = 0.1
-# Age in ns of a message without a stamp after which no joint states of its time are awaited; and
-# the largest number of such messages, the only limit before the first joint state tells the time.
-_LONGEST_WAIT, _MOST_WAITING = 5 * NANO, 100_000
+# Age in ns of a message without a stamp after which no joint states of its time are awaited.
+_LONGEST_WAIT = 5 * NANO
 # Real s within which the middleware repeats a lost message, and those that it withholds until then.
 _REPEATED = 0.25
 # Length of the queue: ten seconds at a kilohertz.
@@ -157,8 +156,7 @@ class DatedTopics:
         for topic in self.topics.values():
             topic.check_publishers()
         late = time.time_ns() - _LONGEST_WAIT
-        while self.waiting and ((self._sent and self.waiting[0][0] < late)
-                                or len(self.waiting) > _MOST_WAITING):
+        while self._sent and self.waiting and self.waiting[0][0] < late:
             self._forward()
 
     def finish(self) -> None:
