@@ -17,7 +17,7 @@ from friction_comp.recordings import (
 )
 from friction_comp.recordings.reader import read_condensed
 from friction_comp.refinement import refine
-from friction_comp.samples import JointStates, Samples
+from friction_comp.samples import Samples
 
 RATE, NOISE = 500.0, 0.01
 
@@ -40,14 +40,6 @@ def folder(tmp_path_factory):
     for k in range(2):
         write_samples(folder / f'r{k}', recorded(75.0, k))
     return folder
-
-
-@pytest.mark.slow
-def test_short_recordings_are_not_averaged(folder):
-    (whole, _), _ = read_condensed(folder)
-    same, _ = read_recording(folder)
-    assert np.array_equal(whole.current, same.current)
-    assert np.array_equal(whole.position, same.position)
 
 
 @pytest.mark.slow
@@ -80,21 +72,6 @@ def test_a_ripple_is_found_in_averages(folder):
     assert [effect.name for effect in report.effects] == ['cogging']
     # The noise of averages is smaller by this factor.
     assert report.after.held_out_rmse < 1.2 * NOISE / 5 ** 0.5
-
-
-def test_the_other_joints_of_an_arm_are_averaged_too(tmp_path):
-    samples = recorded(60.0)
-    arm = JointStates(('elbow', 'wrist'), np.column_stack((samples.position, samples.time)))
-    kept = samples.with_(arm=arm).averaged(5)
-    assert np.allclose(kept.arm.position[:, 1], kept.time)
-    assert np.allclose(kept.arm.position[:, 0], kept.position)
-
-
-def test_averages_do_not_reach_across_a_gap():
-    samples = recorded(10.0)
-    time = samples.time + np.where(samples.time > 5.0, 3.0, 0.0)
-    kept = samples.with_(time=time).averaged(7)
-    assert not np.any((kept.time > 5.01) & (kept.time < 8.0))
 
 
 @pytest.mark.parametrize('wrapped', [False, True])

@@ -21,7 +21,6 @@ from recording_maker import (
 )
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.files import file_names
 from friction_comp.recordings import (
@@ -237,16 +236,6 @@ def test_after_a_sensor_has_fallen_silent_its_value_is_not_known(tmp_path):
     assert any('load is not known at 39 of them' in note for note in info.notes)
 
 
-def test_messages_sent_again_do_not_make_a_slow_sensor_silent(tmp_path):
-    messages = list(states(200))
-    messages += [('/interaction_wrench', 5_000_000_000 + k, wrench(
-        1_000_000_000 + k * 1_000_000, 'elbow', 0.1 * k)) for k in range(0, 200, 40)
-        for _ in range(3)]
-    (samples, info), = read_recording_with_info(record(tmp_path / 'r', messages))
-    assert np.isfinite(samples.load).all()
-    assert not any('not known' in note for note in info.notes)
-
-
 def test_the_later_of_two_directions_counts(tmp_path):
     messages = list(states(60))
     stamp = [m[2][1].header.stamp for m in messages]
@@ -336,25 +325,6 @@ def test_joint_and_topic_may_both_hold_slashes(tmp_path, topics, joints, given, 
         samples.position, np.sin(0.04 * np.arange(300)) + 0.5 * joints.index(name) + 2.0 * place)
     assert samples.arm.joints == tuple(joints)
     assert without_topic(path, given) == name
-
-
-@pytest.mark.parametrize(('given', 'words'), [
-    ('/left/elbo', "no joint '/left/elbo' in it, but '/left/elbow', '/left/wrist'"),
-    ('elbow', "no joint 'elbow' in it, but '/left/elbow'")])
-def test_a_wrong_name_with_a_slash_is_answered_with_the_names(tmp_path, given, words):
-    with pytest.raises(InputError, match=words):
-        read_recording(record(tmp_path / 'r', states(names=('/left/elbow', '/left/wrist'))), given)
-
-
-def test_a_recording_of_joints_in_a_namespace_becomes_a_table_and_back(tmp_path):
-    joints = [make_samples(joint=name, seed=seed)
-              for seed, name in enumerate(('/left/elbow', '/left/wrist'))]
-    write_samples(tmp_path / 'r', joints)
-    for source, output in (('r', 'r.csv'), ('r.csv', 'again')):
-        assert run('convert', [str(tmp_path / source), '--output', str(tmp_path / output)]) == 0
-        read, = read_recording(tmp_path / output, '/left/wrist')
-        assert read.joint == '/left/wrist'
-        np.testing.assert_allclose(read.position, joints[1].position, rtol=1e-9)
 
 
 def test_the_file_of_a_joint_is_in_the_folder_where_it_is_written():

@@ -132,19 +132,6 @@ def test_a_damaged_database_is_read_as_far_as_it_is_whole(tmp_path):
     assert any('damaged or not finished: database disk image' in note for note in info.notes)
 
 
-def test_a_view_in_the_place_of_messages_is_refused(tmp_path):
-    """It could give rows without end."""
-    folder = record(tmp_path / 'r', states(), StoragePlugin.SQLITE3)
-    database = sqlite3.connect(folder / 'r.db3')
-    database.executescript(
-        'DROP TABLE messages; CREATE VIEW messages AS WITH RECURSIVE n(id) AS '
-        "(SELECT 1 UNION ALL SELECT id + 1 FROM n) SELECT id, 1 topic_id, id timestamp, x'00' data "
-        'FROM n')
-    database.close()
-    with pytest.raises(InputError, match='not a database of rosbag2'):
-        read_recording(folder)
-
-
 def test_a_sync_that_fails_while_the_recording_ends_is_reported(tmp_path, monkeypatch):
     sync, failures = os.fsync, [OSError(errno.EIO, 'Input/output error')]
 

@@ -114,7 +114,8 @@ def to_samples(scan: Scan | TableRecording, joint: str | None,
     base.stamp, base.receive = base.stamp[kept], base.receive[kept]
     samples = samples.with_(**time_base.other_signals(
         scan.around(track.topic), joint, joints, base, torque_per_current, info.notes))
-    check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
+    if fault := implausible(samples, all(values is own for _, values in _moved(scan))):
+        raise InputError(f'{scan.path}: ' + f'joint {joint!r}: ' * bool(joint) + fault)
     return samples, info
 
 
@@ -181,23 +182,6 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
     all_have_velocity = len(speeds) == len(positions)
     return JointStates(tuple(joints), np.column_stack(positions),
                        np.column_stack(speeds) if all_have_velocity else None)
-
-
-def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
-    """Raise InputError for samples that are physically impossible.
-
-    Results from such recordings would look valid. `alone` says that no other joint of the recording
-    moved: then the weight depends on the position alone, and the motor's mean power must be
-    positive.
-    """
-    if fault := implausible(samples, alone):
-        joint = f'joint {samples.joint!r}: ' if samples.joint else ''
-        raise InputError(f'{name}: {joint}{fault}')
-
-
-def _others_moved(scan: Scan, own: np.ndarray) -> bool:
-    """Return whether any joint moved other than the one with the values `own`."""
-    return any(values is not own for _, values in _moved(scan))
 
 
 def _moved(scan: Scan) -> Iterator[tuple[str, np.ndarray]]:

@@ -89,6 +89,8 @@ def _expand(path: Path) -> Iterator[Path]:
     if all(part.is_file() for part in parts_of(path)):
         if is_storage(path) or is_table(path):
             yield path
+    elif not path.is_dir():
+        raise InputError(f'{path}: not a regular file')
     elif (path / METADATA).is_file() or is_split_recording(path):
         yield path
     else:
