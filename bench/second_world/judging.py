@@ -123,7 +123,7 @@ def said_right(case, asked, report):
     false = [f'{name} ({variable})' for name, variable in effects
              if variable not in allowed or name in case.forbidden]
     missed = [h.name for h in asked if not h.variables & variables]
-    told = ' '.join([*report.warnings, report.verdict]).lower()
+    told = ' '.join([*report.reasons, *report.warnings, report.verdict]).lower()
     # Nearly every drive shows inertia; who names it first has found nothing hidden yet.
     told_first = [e for e in effects if e[1] != 'acceleration'][:1]
     asked_first = [h for h in asked if h.name != 'inertia']
