@@ -8,10 +8,12 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.best_fit import Fit
+from friction_comp.refinement import refine
+from friction_comp.refinement.best_fit import find_best_fit, Fit, Problem
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.intervals import intervals
-from friction_comp.refinement.prepare import prepare
+from friction_comp.refinement.prepare import join, prepare
+from friction_comp.refinement.regimes import regimes_of, repeats
 from friction_comp.refinement.search import adjust_constants, Search
 from friction_comp.refinement.thresholds import table as thresholds
 
@@ -146,3 +148,25 @@ def test_every_threshold_has_a_unit_and_a_reason():
     assert len(rows) > 8
     assert all(np.isfinite(value) and len(reason) > 10 for _, value, _, reason in rows)
     assert all(unit for name, _, unit, _ in rows)
+
+
+def test_names_change_nothing_in_the_model_that_predicts():
+    samples = swings(2)
+    samples = samples.with_(acceleration=None, current=samples.current + 0.3 * np.sin(
+        samples.position) + 0.1 * np.cos(14.0 * samples.position))
+    fit = find_best_fit(Problem(join([samples]), Drive(1.0, 1.0), True, None))
+    result = refine([samples], drive=Drive(1.0, 1.0))
+    assert [term.kind.name for term in fit.terms] == [one.name for one in result.model.effects]
+    assert result.report.after.held_out_rmse < 1.1 * fit.rmse_with(fit.terms)
+
+
+def test_regimes_differ_in_motion_and_are_of_equal_size():
+    samples = swings(4)
+    regime = regimes_of([samples.position, samples.velocity], 16)
+    assert np.ptp(np.bincount(regime)) <= 1
+    # Of one regime, the joint is in a part of its range, or moves one way.
+    for k in range(16):
+        own = regime == k
+        assert np.ptp(samples.position[own]) < 0.75 * np.ptp(samples.position)
+    assert repeats(np.sin(samples.time), np.cos(samples.time)) > 0.9
+    assert repeats(samples.position, samples.velocity) < 0.8
