@@ -269,6 +269,9 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
         raise InputError('no samples to write')
     if any(not np.array_equal(other.time, joints[0].time) for other in joints[1:]):
         raise InputError('samples: the joints of one recording must share their time base')
+    last = 1e-9 * start_ns + float(joints[0].time.max(initial=0.0))
+    if not 0.0 <= 1e-9 * start_ns <= last < 2.0 ** 31:
+        raise InputError(f'{path}: a time of {last:g} s is beyond the stamps of ROS')
     store = get_typestore(Stores.ROS2_JAZZY)
     prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
     with new_folder(Path(path)) as draft, RecordingWriter(draft, custom_data) as recording:
