@@ -35,21 +35,9 @@ _MOVED = 0.01   # a joint whose position covers more, rad or m, moved
 
 
 class TableRecording:
-    """The joints of a table.
+    """The joints of a table: of a file, or of the columns of a data `frame`.
 
-    Parameters
-    ----------
-    path : Path
-        Names the table in messages.
-    layout : Layout, optional
-        Columns and units that the user declares.
-    frame : mapping of str to array_like, optional
-        Columns, instead of those of the file.
-
-    Raises
-    ------
-    InputError
-        If the table or a column cannot be used.
+    The `layout` is what the user declares. Raises InputError if a column cannot be used.
     """
 
     def __init__(self, path: Path, layout: Layout | None = None, frame: Any = None) -> None:
