@@ -32,9 +32,10 @@ MOST = {
     'own_robot': 1000, 'daily_use': 650, 'note_errors': 800, 'architecture': 900, 'tools': 900,
     'reports': 1100, 'glossary': 300, 'results': 1200, 'msg_docs': 1900, 'nodes': 350,
     'safety': 820, 'torque_controlled_robots': 400, 'identification': 900, 'direction': 700,
-    'excite': 450, 'refinement': 1200, 'follow': 450, 'arms': 700, 'many_robots': 550}
+    'excite': 450, 'follow': 450, 'arms': 700, 'many_robots': 550, 'refinement': 1200,
+    'tables': 1000}
 # Pages that are still too long or tell of what was.
-LATER = ('compensation_law', 'tables')
+LATER = ('compensation_law',)
 PAGES = sorted(path for folder in ('.', 'docs', 'msg_docs', 'bench', 'sros2')
                for path in (ROOT / folder).glob('*.md'))
 # Pages that are followed step by step; of the others, arguments are read.
@@ -95,7 +96,7 @@ def test_a_page_is_short_and_says_what_is(page):
 
 
 def test_all_pages_together_are_25000_words():
-    assert sum(len(words_of(page)) for page in PAGES) <= 35_000
+    assert sum(len(words_of(page)) for page in PAGES) <= 25_000
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.stem)
