@@ -19,7 +19,12 @@ from friction_comp.refinement import refine
 from friction_comp.reports.evaluation_page import curves_figure, evaluation_page
 from friction_comp.reports.figures import band, COLOURS, for_page, panels, scatter, WIDTH
 from friction_comp.reports.html import Report, value
-from friction_comp.reports.refinement_page import refinement_page
+from friction_comp.reports.refinement_page import (
+    effect_rows,
+    errors,
+    friction_rows,
+    refinement_page,
+)
 
 LIVE_PAGES = True
 VOID = {'meta', 'img', 'br', 'hr', 'link', 'input'}
@@ -174,15 +179,17 @@ def test_a_figure_has_one_value_wherever_a_page_shows_it(evaluation, refined):
         assert any(sum(name == other for other, _ in real.values) > 1 for name in texts)
 
 
-def test_the_numbers_of_a_page_are_those_of_the_report(evaluation, refined):
+def test_every_number_of_a_page_is_that_of_the_report(evaluation, refined):
     report, texts = refined[0].report, texts_of(refined[1])
-    assert texts['error'] == {quantity(report.after.held_out_rmse, report.unit)}
-    assert texts['before'] == {quantity(report.before.held_out_rmse, report.unit)}
-    assert texts['coulomb'] == {f'{report.friction.coulomb:.3f} N·m'}
+    rows = [*friction_rows(report.friction), *effect_rows(report)]
+    expected = {row.key: row.value for row in rows} | {key: text for key, _, text in errors(report)}
+    assert texts == {name: {text} for name, text in expected.items()} | {
+        'elsewhere': {quantity(report.after.elsewhere_motion_rmse, report.unit)}}
+    assert expected['coulomb'] == f'{report.friction.coulomb:.3f} N·m'
+    assert expected['error'] == quantity(report.after.held_out_rmse, report.unit)
     shown = {text for own in texts_of(evaluation_page([evaluation])).values() for text in own}
     found = evaluation.comparison('peak_torque')
-    assert shown == {f'{number(mean)} N·m' for mean in (
-        found.mean_first, found.mean_second)}
+    assert shown == {f'{number(mean)} N·m' for mean in (found.mean_first, found.mean_second)}
 
 
 def test_nothing_is_judged_from_two_repetitions(evaluation):
