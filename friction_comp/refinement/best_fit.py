@@ -174,7 +174,8 @@ def _without_weight_beside_links(fit: Fit) -> list[Term]:
     """
     terms = list(fit.terms)
     links = any(term.kind.name == 'rigid_body' for term in terms)
-    beside = [term for term in terms[fit.initial_count:] if term.kind.weight and not term.kind.needs]
+    beside = [term for term in terms[fit.initial_count:]
+              if term.kind.weight and not term.kind.needs]
     if not links or not beside:
         return terms
     search = Search(fit.table, terms[:fit.initial_count])
