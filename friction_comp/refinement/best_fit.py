@@ -157,9 +157,15 @@ def find_best_fit(problem: Problem) -> Fit:
     What history explains, a lag may explain as well: with each, the search goes on to its end.
     """
     best = _at_best_motion(problem, search_with(problem))
-    settings = _with_best_lag(best)
-    late = settings != best.settings and _with_late_terms(_at_best_motion(problem, search_with(
-        problem, settings, best.terms[best.initial_count:])))
+    lagged = best
+    # Terms stood in for a part of the lag: with them gone, it is found once more.
+    for _ in range(2):
+        settings = _with_best_lag(lagged)
+        if settings == lagged.settings:
+            break
+        lagged = _at_best_motion(problem, search_with(
+            problem, settings, lagged.terms[lagged.initial_count:]))
+    late = lagged is not best and _with_late_terms(lagged)
     best = _with_late_terms(best)
     if late:
         best = _better(best, late, thresholds.LAG_SHARE)
@@ -245,8 +251,9 @@ def _with_best_lag(fit: Fit) -> dict[str, Any]:
                 break
             errors[lag] = error(fit.rows, lag)
         lag = min(errors, key=lambda one: errors[one])
-        if errors[lag] < (1.0 - 0.5 * thresholds.LAG_SHARE) * errors[0.0]:
-            return {**fit.settings, 'lag': float(lag)}
+        least = thresholds.EQUIVALENT if fit.lag else 0.5 * thresholds.LAG_SHARE
+        if errors[lag] < (1.0 - least) * errors[0.0]:
+            return {**fit.settings, 'lag': fit.lag + float(lag)}
     return fit.settings
 
 
