@@ -130,13 +130,17 @@ def unpacked_file(path: Path) -> Iterator[Path]:
             yield path
             return
         import shutil
-        from tempfile import TemporaryDirectory
+        from tempfile import gettempdir
 
-        with TemporaryDirectory() as folder:
-            plain = Path(folder, path.stem)
-            with plain.open('wb') as stream:
+        folder = Path(gettempdir(), f'friction_comp_{os.urandom(12).hex()}')
+        try:
+            folder.mkdir(mode=0o700)
+            with (folder / path.stem).open('wb') as stream:
                 shutil.copyfileobj(Unpacked(path, packed), stream, 1 << 20)
-            yield plain
+            yield folder / path.stem
+        finally:
+            with interrupts_deferred():
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def library_for(path: Path, name: str, extra: str, files: str) -> Any:

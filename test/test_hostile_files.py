@@ -204,10 +204,11 @@ def test_a_recording_that_is_converted_is_whole_or_absent_whatever_ends_it(tmp_p
         code, _, _ = answer(tmp_path, ['convert', 'good.mcap.zstd', '--output', 'out'],
                             end=(number, delay))
         codes.append(code)
-        left = sorted(path.name for path in (tmp_path / 'work').iterdir())
-        assert left == ['good.mcap.zstd'] + ['out'] * (code == 0)
+        left = {path.name for path in (tmp_path / 'work').iterdir()} - {'good.mcap.zstd'}
+        assert left <= {'out'}
         assert not list((tmp_path / 'temporary').iterdir())
-        if code == 0:
+        assert left or code
+        if left:
             assert len(read_recording(tmp_path / 'work' / 'out')[0]) == 2000
             shutil.rmtree(tmp_path / 'work' / 'out')
     assert set(codes) <= {0, 128 + number}

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing, ExitStack
 from dataclasses import dataclass, field, replace
 import math
 from pathlib import Path
@@ -239,10 +240,11 @@ def read_bag(path: Path, joint: str | None = None, others: bool = True,
 
     types, readers, activity = message_types(), dict[str, _TopicReader](), ActivityLog()
     share, begin = 1.0, 0
-    with unreadable_on_error(path):
+    with unreadable_on_error(path), ExitStack() as stack:
         storage = Storage(path)
-        for index, (topic, kind, receive, raw) in enumerate(storage.messages(
-                lambda topic, kind: kind == DIAGNOSTICS or signal(topic, kind) is not None)):
+        messages = stack.enter_context(closing(storage.messages(
+            lambda topic, kind: kind == DIAGNOSTICS or signal(topic, kind) is not None)))
+        for index, (topic, kind, receive, raw) in enumerate(messages):
             begin = begin or receive
             if share < 1.0 and evenly_spread(receive // _STRETCH) >= share:
                 continue

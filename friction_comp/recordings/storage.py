@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bz2 import BZ2Decompressor
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager, suppress
 from io import BytesIO
 from os import PathLike
@@ -70,7 +70,7 @@ class Storage:
         self.files = [path] if path.is_file() else self._list_files()
         self._index = 0                     # of the file that is read
 
-    def messages(self, wanted: Wanted) -> Iterator[Message]:
+    def messages(self, wanted: Wanted) -> Generator[Message, None, None]:
         """Yield (topic, type, receive time in ns, payload) of the messages of all files.
 
         Only messages for which `wanted(topic, type)` is true are yielded; all are counted. Raises
