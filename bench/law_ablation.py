@@ -24,11 +24,9 @@ OPERATOR, SAFETY = LAW + 'tank_operator.', LAW + 'safety.'
 # What is set to switch a rule off.
 RULES = {
     'as it is': {},
-    'tank: the slid way pays': {OPERATOR + 'FILL': 0.0},
-    'tank: rest pays': {OPERATOR + 'REFILL': math.inf},
+    'the slid way fills the tank': {OPERATOR + 'FILL': 0.0},
     'wish before the turn': {OPERATOR + 'TURN_SHARE': 1e-9},
-    'heading as soon as a rested joint moves': {OPERATOR + 'NOTICE': 1.0},
-    'play of the operator': {OPERATOR + 'PLAY': 0.0},
+    'what is no motion': {OPERATOR + 'STILL': 0.0},
     'lead speed': {OPERATOR + 'LEAD_SPEED': math.inf},
     'lead time': {OPERATOR + 'LEAD_TIME': 1e-3},
     'early slip': {OPERATOR + 'EARLY': 1.0},
@@ -39,7 +37,7 @@ RULES = {
     'filter of the speed': {LAW + 'law_kernel.FILTER_TIME': 1e-6},
     'slope limit': {SAFETY + 'TURN_TIME': 1e-9},
     'fade': {SAFETY + 'FADE_FROM': 1e6, SAFETY + 'FADE_TO': 1e7},
-    'trust beyond the identified speeds': {SAFETY + 'TAKEN': math.inf},
+    'trust beyond the identified speeds': {SAFETY + 'HURRIED': 1.0},
     'a way of somebody in a hurry': {SAFETY + 'HURRIED_WAY': 0.0},
 }
 # Short names of the floors' rows, by what they begin with; the others are not printed.
@@ -63,7 +61,7 @@ def main():
     parser.add_argument('--rules', nargs='+', default=list(RULES), choices=RULES, metavar='NAME')
     parser.add_argument('--worlds', nargs='+', default=list(WORLDS), choices=WORLDS)
     parser.add_argument('--floors', nargs='+', choices=FLOORS, default=[
-        name for name in FLOORS if name not in ('identification', 'bad_samples')])
+        name for name in FLOORS if name != 'identification'])
     parser.add_argument('--models', choices=['true', 'identified'], default='true')
     parser.add_argument('--draws', type=int, help='gears of each kind')
     options = parser.parse_args()

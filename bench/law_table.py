@@ -28,7 +28,6 @@ import time
 from bench_tools import processes, table_parser
 
 from friction_comp.compensation import law_parameters
-from law_judge.bad_samples import bad_samples
 from law_judge.bank import make_bank
 from law_judge.identification import identification, identified_bank
 from law_judge.peak import peak
@@ -42,7 +41,7 @@ from law_judge.untouched import lost, untouched, weight
 
 FLOORS = {f.__name__: f for f in (
     release, untouched, lost, weight, knock, flicker, quiet, peak, reversal, to_and_fro,
-    hurry, reaches, leader, bad_samples, identification)}
+    hurry, reaches, leader, identification)}
 # Module, kinds where not all of its own, and gears of each.
 WORLDS = {'gear': ('world.gear', None, 2), 'mujoco': ('world.mujoco_gear', None, 4),
           'refined': ('world.gear', REFINED, 1), 'chain': ('world.maxwell_chain', None, 4)}
@@ -101,8 +100,7 @@ def make_jobs(options):
                 if floor == 'identification':
                     # It has no law, and its effects are computed joint by joint.
                     laws = laws[:1] if world != 'refined' and models == 'true' else []
-                elif world == 'chain' or (
-                        floor == 'bad_samples' and (world != 'gear' or models != 'true')):
+                elif world == 'chain':
                     continue
                 for law in laws:
                     yield world, models, floor, law

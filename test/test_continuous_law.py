@@ -20,7 +20,7 @@ from friction_comp.compensation.law_parameters import (
     LEAST_SHARE,
     SHARE,
 )
-from friction_comp.compensation.tank_operator import EARLY, FILL, LATER, PLAY, REFILL
+from friction_comp.compensation.tank_operator import EARLY, FILL, LATER, REST_TIME, STILL
 from friction_comp.model.effects.history_effects import Hysteresis
 from friction_comp.model.friction_model import Presliding
 from friction_comp.model.measured import Recorded
@@ -66,9 +66,9 @@ def test_what_the_law_gives_is_what_the_gear_takes_and_a_bounded_amount(
     given_back = np.cumsum(current[:-1] * steps)
     taken = np.cumsum(0.5 * (gear[1:] + gear[:-1]) * steps)
     level, distance = SHARE * factor * LEVEL, law.parameters['distance'][0]
-    reversal = 2.0 * (distance + PLAY * distance + COUNT)
+    reversal = 2.0 * (distance + STILL * distance + COUNT)
     rested = np.abs(np.diff(path, prepend=0.0)).astype(bool).size - np.count_nonzero(steps)
-    fills = 1.0 + 1e-3 * (rested + 300.0 * np.count_nonzero(np.diff(directions))) / REFILL
+    fills = 1.0 + 1e-3 * (rested + 300.0 * np.count_nonzero(np.diff(directions))) / REST_TIME / 2.0
     # A gear that yields farther than R gives back at each turn what the element does not hold.
     farther = 2.0 * max(0.0, longest - distance) * (3 * 12 + np.count_nonzero(np.diff(directions)))
     # A current is a sample old, and a count off.
@@ -101,13 +101,16 @@ def test_slow_reversals_of_the_gear_are_not_compensated_early(seed, distance, er
     assert np.sum(current[:-1][last] * steps) <= taken + 4.0 * LEVEL * speed * 1e-3
 
 
-def test_announcements_that_flicker_at_rest_are_paid_by_the_tank():
-    """Nothing but rest fills it, so that no planner shakes a joint for long."""
-    time = 1e-3 * np.arange(4000)
-    for period in (0.2, 0.4):
-        law = CompensationLaw([small_model()])
-        current = drive_along(law, np.zeros(4000), np.where(time % period < 0.5 * period, 1, -1))
-        assert np.abs(np.diff(current)).max() < 0.02 * LEVEL
+@pytest.mark.parametrize('low', [-1, 0])
+@pytest.mark.parametrize('period', [0.2, 0.4])
+def test_announcements_that_flicker_at_rest_do_not_shake_the_joint(period, low):
+    """What was announced first counts, until another one lasts."""
+    law, time = CompensationLaw([small_model()]), 1e-3 * np.arange(4000)
+    currents = drive_along(law, np.zeros(4000), np.where(time % period < 0.5 * period, 1, low))
+    np.testing.assert_allclose(np.abs(currents[1500:]), 0.9 * LEVEL, rtol=1e-3)
+    assert np.ptp(currents[1500:]) == 0.0
+    assert drive_along(law, np.zeros(1000), -1, begin=4000)[-1] == pytest.approx(
+        -0.9 * LEVEL, rel=1e-2)
 
 
 def test_who_pushes_against_the_preload_is_not_held_by_it():
@@ -127,14 +130,6 @@ def test_a_flicker_of_one_count_does_not_take_the_preload():
     drive_along(law, np.zeros(700))
     flicker = drive_along(law, -COUNT * (np.arange(600) // 7 % 2), begin=700)
     np.testing.assert_allclose(flicker, 0.9 * LEVEL, rtol=2e-2)
-
-
-def test_a_joint_at_rest_has_its_preload_within_a_sixth_of_a_second():
-    """So that an announcement that comes with the push is of use."""
-    law = CompensationLaw([small_model()])
-    drive_along(law, np.zeros(500), direction=0)
-    current = drive_along(law, np.zeros(170), begin=500)
-    assert current[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
 
 
 def slip(law, places, after=150):
@@ -177,14 +172,6 @@ def test_a_person_who_keeps_pushing_regains_what_a_slip_took():
     assert law.guards['taken back'][0] == 0.0
 
 
-def test_a_joint_that_creeps_from_rest_to_rest_under_its_preload_slips():
-    law = CompensationLaw([small_model()])
-    places = np.interp(np.arange(5000), [1000, 1050, 2000, 2050, 3000, 3050],
-                       law.parameters['slip'][0] * np.array([0.0, 0.7, 0.7, 1.4, 1.4, 2.1]))
-    current = drive_along(law, places)
-    assert current[-1] == pytest.approx(LATER * current[1900], rel=1e-6)
-
-
 @pytest.mark.parametrize('backlash', [None, 3e-3])
 def test_a_motor_that_moves_through_known_backlash_has_not_slipped(backlash):
     model = replace(small_model(), presliding=Presliding(3e-4, std=3e-5, backlash=backlash))
@@ -223,19 +210,6 @@ def test_a_turn_after_a_long_way_costs_the_hand_friction_alone_and_help_is_soon_
     assert abs(share[turn]) < 0.35
     back = np.flatnonzero(share[turn:] < -0.9)[0] + turn
     assert places[turn] - places[back] < most * law.parameters['distance'][0]
-
-
-def test_help_is_given_back_once_a_way():
-    """Else a heavy joint that a stiff hand leads stops and goes for the whole of its way."""
-    law, time = CompensationLaw([small_model()]), 1e-3 * np.arange(4000)
-    slows = np.interp(time, [0.0, 0.2, 1.0, 1.1, 1.15, 1.3], [0.0, 0.3, 0.3, 0.01, 0.01, 0.3])
-    once = drive_along(law, 1e-3 * np.cumsum(slows[:2000]), direction=0)
-    assert once[1140] < 0.7 * LEVEL
-    slows = np.interp(time, [0.0, 0.1, 0.15, 0.3], [0.3, 0.01, 0.01, 0.3])
-    twice = drive_along(law, 1e-3 * (slows[:1000].cumsum() + 1e3 * 0.0) + 1e-3 * np.interp(
-        time, [0.0, 0.2, 1.0, 1.1, 1.15, 1.3], [0.0, 0.3, 0.3, 0.01, 0.01, 0.3])[:2000].sum(),
-        direction=0, begin=2000)
-    assert twice[50:].min() > 0.8 * LEVEL
 
 
 @pytest.mark.parametrize('reported', [0.0, 3.0, math.nan, math.inf])
@@ -355,20 +329,6 @@ def test_announced_at_rest_the_current_is_the_gain_times_breakaway(gain, directi
         assert current[-1] == pytest.approx(direction * gain * factor * LEVEL)
 
 
-def test_a_hand_feels_the_breakaway_gain(gears):
-    """The more, the less it has to push at the start; a small step is a small difference."""
-    reference = push(0.5, 20.0 * DEGREE, 2.0, 3.5, 1.0)
-    peaks = []
-    for gain in GAINS:
-        log, _ = run_gears([gear.held_by(0.05) for gear in gears],
-                           [law_parameters(g.model, breakaway_gain=gain) for g in gears],
-                           reference, released=10 ** 9)
-        torque = np.abs(log['interaction_torque'])[:, 2000:2600].max(axis=1)
-        peaks.append(np.median(torque / [g.parameters['upper'] for g in gears]))
-    assert (np.diff(peaks) < -0.03).all()
-    assert np.abs(np.diff(peaks)).max() < 0.4
-
-
 def test_who_moves_against_the_announcement_starts_no_harder_than_without_help(gears):
     """Planners are wrong, and patients do not always follow."""
     reference = push(0.5, 20.0 * DEGREE, 2.0, 3.5, 1.0)
@@ -415,7 +375,7 @@ def test_position_limits_end_softly():
 def test_faster_than_identified_nothing_is_fed_forward():
     law = CompensationLaw([small_model()])
     assert drive_along(law, 2.7e-3 * np.arange(1000))[-1] == 0.0
-    assert law.guards['taken back'][0] > 0.4
+    assert law.guards['taken back'][0] > 0.25
 
 
 def test_a_hurried_movement_costs_no_help_and_a_joint_that_goes_on_and_on_is_trusted_less():
@@ -426,7 +386,7 @@ def test_a_hurried_movement_costs_no_help_and_a_joint_that_goes_on_and_on_is_tru
     drive_along(hurry, np.tile(np.concatenate([there, there[::-1]]), 3), direction=0)
     assert hurry.guards['taken back'][0] == 0.0
     drive_along(runaway, step * np.arange(6 * turn), direction=0)
-    assert runaway.guards['taken back'][0] == pytest.approx(0.5)
+    assert runaway.guards['taken back'][0] == pytest.approx(0.3)
 
 
 def test_a_recording_of_faster_motion_counts_as_identified():

@@ -140,19 +140,6 @@ def test_a_joint_that_slid_holds_again_both_ways_and_finds_another_breakaway():
         assert np.all(np.ptp(x, axis=0) < 0.2 * gears['presliding'] + 2e-5)
 
 
-def test_halving_the_integration_step_changes_little():
-    gears = plain_gears()
-    size = level(gears)
-    travel = []
-    for steps in (20, 40):
-        plant = Plant(gears, nobody(len(gears)), EVEN, steps=steps)
-        x = push(plant, lambda t: size * min(1.3, 3.0 * t), 1.0)['motor']
-        travel.append(x)
-    scale = np.abs(travel[1]).max(axis=0)
-    assert np.all(scale > 0.05)
-    assert np.all(np.abs(travel[0] - travel[1]).max(axis=0) < 0.03 * scale)
-
-
 def test_the_encoder_is_a_count_off_at_most_and_delays_are_samples():
     gears = plain_gears(draws=2)
     gears['command_delay'] = np.arange(len(gears)) % 3

@@ -5,14 +5,12 @@
 from dataclasses import replace
 import math
 
-from arm_maker import random_urdf
 from effect_maker import parameters_of
 from helpers import note_model
 from hypothesis import given, Phase, settings, strategies as st
 import numpy as np
 import pytest
 
-from friction_comp.arm.urdf import Chain
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.arm import Arm, Coupling, FREE_FALL, Group, PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS
@@ -69,9 +67,8 @@ def test_the_current_at_rest_is_predicted_or_a_reason_stands_beside_it(name, dat
         not effect.not_fed_back) else 0.0
     limit = model.drive.current_limit
     assert current == pytest.approx(max(-limit, min(limit, said)), abs=1e-6)
-    lost = law.guards['not carried'][0]
-    assert lost == pytest.approx(max(0.0, abs(said) - limit), abs=1e-6)
-    assert bool(law.left_out) == bool(abs(said) > limit + 1e-9 or effect.not_fed_back)
+    told = law.never_applied + law.missing + law.limited
+    assert bool(told) == bool(abs(said) > limit + 1e-9 or effect.not_fed_back)
 
 
 def test_what_is_no_torque_or_must_not_be_fed_back_is_left_out():
@@ -84,37 +81,10 @@ def test_what_a_limit_takes_from_the_weight_is_said():
     law = CompensationLaw([loaded(EFFECTS['rigid_body']({'coefficients': [0.1]}),
                                   pendulum(5.0, 0.5), 1.5)])
     assert at_rest(law, 0.0) == pytest.approx(1.5)
-    assert law.largest_weights == pytest.approx([2.4525])
-    assert law.guards['not carried'] == pytest.approx([0.9525])
-    (joint, name, why), = law.left_out
+    (joint, name, why), = law.limited
     assert (joint, name) == (0, 'rigid_body')
     assert '2.45 A' in why
     assert '1.5 A' in why
     # In a posture that needs less, nothing is taken.
     assert at_rest(law, 1.2) == pytest.approx(2.4525 * math.cos(1.2))
-    assert not law.left_out
-
-
-@pytest.mark.parametrize('seed', range(5))
-def test_no_posture_needs_more_than_the_largest_weight(seed, tmp_path):
-    rng = np.random.default_rng(seed)
-    text, names = random_urdf(rng, 2 + seed, ('revolute', 'continuous'))
-    path = tmp_path / 'arm.urdf'
-    path.write_text(text, encoding='utf-8')
-    tree = Chain(path, names).tree
-    postures = rng.uniform(-math.pi, math.pi, (4000, len(names)))
-    still = np.zeros_like(postures)
-    torques = np.abs(tree.torques(postures, still, still))
-    for index in range(len(names)):
-        largest = tree.largest_weight(index)
-        assert torques[:, index].max() <= largest + 1e-9
-        # It is reached, not only a bound.
-        nearest = postures[torques[:, index].argmax()]
-        assert torques[:, index].max() > 0.5 * largest, nearest
-
-
-def test_the_coupling_of_other_joints_is_bounded_by_its_amplitudes():
-    arm = others(0.3, 0.4)
-    assert arm.largest_at_rest(JOINT) == pytest.approx(0.5)
-    assert max(arm.at_rest(np.array([q]), JOINT)
-               for q in np.linspace(0.0, 6.3, 500)) == pytest.approx(0.5, abs=1e-4)
+    assert not law.limited

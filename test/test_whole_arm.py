@@ -104,13 +104,13 @@ def test_the_weight_of_the_arm_is_fed_forward_or_left_to_the_robot(refined):
     assert carried.terms['effects'][1:] == pytest.approx(
         true_weights(q, SCALES[1:]), rel=0.05, abs=0.05)
     assert left.terms['effects'] == pytest.approx(np.zeros(3), abs=1e-9)
-    assert not any(effect == 'rigid_body' for _, effect, _ in carried.left_out)
-    assert any(effect == 'rigid_body' for _, effect, _ in left.left_out)
+    assert not any(name == 'rigid_body' for _, name, _ in carried.never_applied + carried.missing)
+    assert any(effect == 'rigid_body' for _, effect, _ in left.never_applied + left.missing)
     # A joint alone does not guess.
     alone = CompensationLaw(models[1:2])
     alone.update(0.0, [0.4], [0.0], [0])
     assert alone.terms['effects'] == pytest.approx([0.0])
-    assert 'rigid_body' in [effect for _, effect, _ in alone.left_out]
+    assert 'rigid_body' in [effect for _, effect, _ in alone.never_applied + alone.missing]
 
 
 def test_other_joints_are_named_where_no_urdf_says_more(refined, tmp_path):
@@ -195,7 +195,7 @@ def test_friction_between_joints_is_named_beside_the_links_and_written(found_bes
     for k in range(1000):
         law.update(0.001 * k, np.zeros(3), np.zeros(3), np.zeros(3))
     assert law.terms['effects'][1:] == pytest.approx(true_weights(np.zeros(3)), rel=0.06)
-    assert not any(effect == 'rigid_body' for _, effect, _ in law.left_out)
+    assert not any(effect == 'rigid_body' for _, effect, _ in law.never_applied + law.missing)
 
 
 @needs_data

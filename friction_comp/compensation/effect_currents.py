@@ -17,7 +17,6 @@ from friction_comp.model.effects.base import CARRIES, Effect, LiveTerm
 from friction_comp.model.friction_model import FrictionModel
 
 _ARM_SIGNALS = {'rigid_body', 'coupling'}
-_FULL_TURN = 2.0 * math.pi
 
 
 class Currents(NamedTuple):
@@ -57,14 +56,11 @@ class EffectCurrents:
         Those that are applied.
     breakaway_positions : tuple of float, or None
         Positions at which the positive and negative breakaway currents were measured, rad.
-    largest_weight : float
-        The most that supporting the limb takes in any posture, A.
     """
 
     def __init__(self, model: FrictionModel, why_left_out: Callable[[Effect], str]) -> None:
         self.terms = [
             (effect, LiveTerm(effect)) for effect in model.effects if not why_left_out(effect)]
-        self.largest_weight = self._largest_weight(model, self.terms)
         both = model.breakaway
         self.breakaway_positions: tuple[float, float] | None = None
         if both is not None and both.positive_position is not None and (
@@ -134,12 +130,3 @@ class EffectCurrents:
             shifts.append(here - there)
         positive, negative = (value if math.isfinite(value) else 0.0 for value in shifts)
         return positive, negative
-
-    @staticmethod
-    def _largest_weight(model: FrictionModel, terms: list[tuple[Effect, LiveTerm]]) -> float:
-        """Return a bound of the current that supports the limb at rest, over all postures, A."""
-        largest = 0.0 if model.arm is None else model.arm.largest_at_rest(model.joint)
-        signals = {} if model.arm is None else {model.arm.signal: largest}
-        return sum(max(abs(term.update(0.0, _FULL_TURN * k / 64.0, 0.0, **signals))
-                       for k in range(64))
-                   for effect, term in terms if effect.weight and set(term.needs) <= set(signals))

@@ -14,7 +14,7 @@ from friction_comp.compensation import law_kernel as kernel
 from friction_comp.compensation.effect_currents import EffectCurrents
 from friction_comp.compensation.law_fields import CONTINUOUS, FREE, NONE, PARAMETERS, STATE, zeros
 from friction_comp.compensation.law_parameters import law_parameters, LAWS, set_breakaway
-from friction_comp.compensation.safety import BAD_TIME
+from friction_comp.compensation.safety import BAD_TIME, TURN_TIME
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 __all__ = ['CompensationLaw', 'GRAVITY', 'law_parameters', 'LAWS']
 
 GRAVITY = ('feed_forward', 'left_to_robot')
-BLEND_TIME = 0.05
-"""s within which a new model or law comes in."""
 
 
 class CompensationLaw:
@@ -39,14 +37,8 @@ class CompensationLaw:
     ----------
     models : list of FrictionModel
         One per joint. Without breakaway currents nothing is applied at rest.
-    law : {'continuous', 'desired', 'paper', 'kinetic', 'none'}
-        See `law_parameters`.
-    breakaway_gain : float
-        Share of the mean breakaway current.
-    current_limit : float or array_like of shape (J,), optional
-        A.
-    sample_time : float
-        s.
+    law, breakaway_gain, current_limit, sample_time
+        See `law_parameters`; the limit may be one for all joints or one for each.
     gravity : {'feed_forward', 'left_to_robot'}
         Whether the effects that support the limb's weight are applied, or left to the robot's
         controller.
@@ -55,11 +47,9 @@ class CompensationLaw:
     ----------
     never_applied : list of (int, str, str)
         Joint, effect and reason for every effect of the models that cannot be applied.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range.
+    missing : list of (int, str, tuple of str)
+        Joint, effect and missing signals of those that were not applied at the last sample; no
+        signals if the effect's value was not finite.
     """
 
     def __init__(self, models: Iterable[FrictionModel], law: str = 'continuous',
@@ -70,21 +60,16 @@ class CompensationLaw:
             raise InputError('the compensation law needs at least one model')
         if gravity not in GRAVITY:
             raise InputError(f'gravity must be one of {", ".join(GRAVITY)}, not {gravity!r}')
-        self._gravity = gravity
+        self._gravity, self._sample_time = gravity, sample_time
         self.joints = len(self.models)
-        self._sample_time = sample_time
-        self._options = self._options_of(law, breakaway_gain, current_limit)
         self._parameters = zeros(self.joints, PARAMETERS)
         self._states = zeros(self.joints, STATE)
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [EffectCurrents(model, self._why_left_out) for model in self.models]
-        self._missing: list[list[tuple[str, tuple[str, ...]]] | None] = [None] * self.joints
-        for j in range(self.joints):
-            self._take_parameters(j)
-        self._collect_never_applied()
         # For calls of `update` without an end or a velocity.
         self._endless, self._still = np.full(self.joints, math.nan), np.zeros(self.joints)
         self._carried = np.zeros(self.joints)
+        self.retune(law, breakaway_gain, current_limit)
 
     @property
     def parameters(self) -> np.ndarray:
@@ -101,21 +86,6 @@ class CompensationLaw:
         return {'friction': self._states['friction'].copy(), 'effects': self._carried}
 
     @property
-    def missing(self) -> list[tuple[int, str, tuple[str, ...]]]:
-        """Joint, effect and missing signals of effects that were not applied at the last sample.
-
-        There are no signals if the effect's value was not finite.
-        """
-        return [(j, *entry) for j, entries in enumerate(self._missing) for entry in entries or ()]
-
-    @property
-    def left_out(self) -> list[tuple[int, str, str]]:
-        """Joint, effect and reason: all effects that are not applied, or not in full."""
-        return self.never_applied + [
-            (j, name, f'{" and ".join(signals)} unknown' if signals else 'value is not finite')
-            for j, name, signals in self.missing] + self.limited
-
-    @property
     def limited(self) -> list[tuple[int, str, str]]:
         """Joint, effects and reason where the limit is below what carries at the last sample."""
         return [(j, ' and '.join(self._effects[j].carrying), f'needs {self._carried[j]:.3g} A, '
@@ -128,35 +98,21 @@ class CompensationLaw:
         return self._parameters['limit'].copy()
 
     @property
-    def largest_weights(self) -> np.ndarray:
-        """The most that supporting the limb takes in any posture, A, shape (J,)."""
-        return np.array([effects.largest_weight for effects in self._effects])
-
-    @property
     def guards(self) -> dict[str, np.ndarray]:
-        """What limited the current of the continuous law, per joint.
+        """What limits the current, per joint.
 
         ``share``: of friction that is fed forward, by how sure the model is; ``taken back``: share
         of that removed because the drive slipped under its preload, or went on beyond the
         identified speeds; ``samples dropped``: number of implausible samples; ``in doubt``: whether
-        these cause zero current; ``not carried``: what the drive's limit, or that of the rate of
-        change, takes from the effects that carry, A; ``beyond the end``: whether it has been beyond
-        the announced end of its movement.
+        these cause zero current; ``beyond the end``: whether it has been beyond the announced end
+        of its movement.
         """
         s = self._states
         return {
             'share': self._parameters['share'].copy(),
             'taken back': np.where(s['started'] == 1, 1.0 - s['trust'], 0.0),
-            'samples dropped': s['dropped'].astype(int),
-            'in doubt': s['doubt'] > BAD_TIME,
-            'not carried': self._not_carried(),
+            'samples dropped': s['dropped'].astype(int), 'in doubt': s['doubt'] > BAD_TIME,
             'beyond the end': s['beyond'] == 1}
-
-    def _not_carried(self) -> np.ndarray:
-        s = self._states
-        # What is missing is taken from what carries where both have the same sign.
-        lacking = (s['friction'] + self._carried - s['current']) * np.sign(self._carried)
-        return np.clip(lacking, 0.0, np.abs(self._carried))
 
     def update(self, time: float, position: ArrayLike, velocity: ArrayLike | None,
                direction: ArrayLike, temperature: ArrayLike | None = None,
@@ -197,6 +153,7 @@ class CompensationLaw:
         kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,
                             known, self._usable)
         forward, backward, carried = np.zeros((3, self.joints))
+        self.missing = []
         for j, effects in enumerate(self._effects):
             if effects.terms and self._usable[j] and self._parameters[j]['law'] != NONE:
                 signals = {'temperature': _entry(temperature, j), 'load': _entry(load, j),
@@ -213,8 +170,7 @@ class CompensationLaw:
         self._states[:] = np.zeros(1, STATE)
         for effects in self._effects:
             effects.reset()
-        self._missing = [None] * self.joints
-        self._carried = np.zeros(self.joints)
+        self.missing, self._carried = [], np.zeros(self.joints)
 
     def set_model(self, joint: int, model: FrictionModel) -> None:
         """Exchange a joint's model while the law runs.
@@ -222,58 +178,42 @@ class CompensationLaw:
         The current changes continuously to that of the new model, within a few hundredths of a
         second. What the drive did with the old model tells nothing of the new one, which is trusted
         anew; a joint at rest is led again, so that it shows whether it holds.
-
-        Parameters
-        ----------
-        joint : int
-        model : FrictionModel
         """
         if not 0 <= joint < self.joints:
             raise InputError(f'there is no joint number {joint!r}')
-        law_parameters(model, **self._options[joint])
-        state = self._states[joint]
-        state['trust'] = state['trusted'] = 1.0
-        if state['mode'] != FREE:
-            state['mode'], state['z'] = FREE, 0.0
-        self._exchange(joint, model)
-
-    def _exchange(self, joint: int, model: FrictionModel) -> None:
+        parameters = law_parameters(model, **self._options[joint])
+        self._states[joint]['trust'] = self._states[joint]['trusted'] = 1.0
+        if self._states[joint]['mode'] != FREE:
+            self._states[joint]['mode'], self._states[joint]['z'] = FREE, 0.0
         self.models[joint] = model
         self._effects[joint] = EffectCurrents(model, self._why_left_out)
-        self._take_parameters(joint)
-        self._missing[joint] = None
-        self._collect_never_applied()
+        self._take([joint], [parameters])
 
     def retune(self, law: str, breakaway_gain: float,
                current_limit: ArrayLike | None = None) -> None:
-        """Change the law's options while it runs; its state is kept.
+        """Change the law's options, as for the class, while it runs; its state is kept.
 
         The current changes continuously, as with `set_model`, except to a lower limit.
-
-        Parameters
-        ----------
-        law, breakaway_gain, current_limit
-            As for the class.
         """
-        options = self._options_of(law, breakaway_gain, current_limit)
-        for model, new in zip(self.models, options):
-            law_parameters(model, **new)
-        self._options = options
-        for joint, model in enumerate(self.models):
-            self._exchange(joint, model)
-
-    def _options_of(self, law: str, breakaway_gain: float, current_limit: ArrayLike | None
-                    ) -> list[dict[str, Any]]:
-        """Return the arguments of `law_parameters` for each joint, but its model."""
         limits: list[float | None] = [None] * self.joints
         if current_limit is not None:
             limits = self._row(current_limit, 'current_limit').tolist()
-        return [{'law': law, 'breakaway_gain': float(breakaway_gain), 'current_limit': limit,
-                 'sample_time': self._sample_time} for limit in limits]
+        options: list[dict[str, Any]] = [
+            {'law': law, 'breakaway_gain': float(breakaway_gain), 'current_limit': limit,
+             'sample_time': self._sample_time} for limit in limits]
+        parameters = [law_parameters(model, **new) for model, new in zip(self.models, options)]
+        self._options = options
+        self._take(range(self.joints), parameters)
 
-    def _take_parameters(self, joint: int) -> None:
-        self._parameters[joint] = law_parameters(self.models[joint], **self._options[joint])[0]
-        self._states[joint]['blends'] = BLEND_TIME * self._states[joint]['started']
+    def _take(self, joints: Iterable[int], parameters: Iterable[np.ndarray]) -> None:
+        for joint, new in zip(joints, parameters):
+            self._parameters[joint] = new[0]
+            self._states[joint]['blends'] = 2.0 * TURN_TIME * self._states[joint]['started']
+        self.missing: list[tuple[int, str, tuple[str, ...]]] = []
+        self.never_applied = [
+            (j, effect.name, self._why_left_out(effect))
+            for j, model in enumerate(self.models) for effect in model.effects
+            if self._why_left_out(effect)]
 
     def _effect_currents(self, joint: int, time: float, signals: dict[str, float | None]
                          ) -> tuple[float, float, float]:
@@ -281,7 +221,7 @@ class CompensationLaw:
         p, s, effects = self._parameters[joint], self._states[joint], self._effects[joint]
         currents = effects.at(time, float(s['position']), float(s['speed']), signals,
                               bool(p['law'] >= CONTINUOUS))
-        self._missing[joint] = currents.missing
+        self.missing += [(joint, *entry) for entry in currents.missing]
         if self.models[joint].breakaway is not None:
             set_breakaway(p, self.models[joint].breakaway, currents.shifts)
         return currents.forward, currents.backward, currents.carried
@@ -305,12 +245,6 @@ class CompensationLaw:
         if effect.weight and self._gravity == 'left_to_robot':
             return "the limb's weight is left to the robot's controller"
         return effect.not_fed_back
-
-    def _collect_never_applied(self) -> None:
-        self.never_applied = [
-            (j, effect.name, self._why_left_out(effect))
-            for j, model in enumerate(self.models) for effect in model.effects
-            if self._why_left_out(effect)]
 
     def _row(self, values: ArrayLike, name: str) -> np.ndarray:
         row = np.asarray(values, dtype=float)

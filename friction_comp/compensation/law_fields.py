@@ -38,8 +38,7 @@ class Parameters:
     distance: float         # R, rad
     turn_distance: float    # behind the farthest point: there a joint has turned, rad
     slip: float             # more than the gear yields under the preload, rad
-    slow: float             # slowest and fastest identified speed, rad/s
-    identified: float
+    identified: float       # fastest identified speed, rad/s
     lowest: float           # position limits, rad; none if they are equal
     highest: float
 
@@ -64,6 +63,8 @@ class State:
     still_position: float
     rest_position: float    # where it rested last, rad
     mode: int               # one of those above
+    aim: float              # announced and acted on, and for how long something else has been, s
+    lasted: float
     since: float            # s since z was led, or since this way began; where that was, rad
     begin: float
     yields: float           # rad that the joint may yield to the preload

@@ -25,7 +25,7 @@ from friction_comp.compensation.law_fields import (
     State,
 )
 from friction_comp.compensation.safety import BAD_TIME, is_plausible, limited, safe, within_movement
-from friction_comp.compensation.tank_operator import operate
+from friction_comp.compensation.tank_operator import LEAD_SPEED, operate
 from friction_comp.model.sigmoid import kinetic_current
 
 compiled_kinetic_current = njit(cache=True)(kinetic_current)
@@ -33,8 +33,9 @@ LONGEST_STEP = 0.1
 """s; after a longer pause, or a clock that was set, the operator is reset."""
 FILTER_TIME = 0.004
 """s of each of the two filters that a speed from positions goes through."""
-AGREE_TIME, AGREE_SHARE = 0.1, 0.2
-"""s over which the reported velocity must lead to the positions that are seen, and how nearly."""
+AGREE_SHARE = 0.2
+"""Share by which the reported velocity may lead beside the positions that are seen, over
+`LONGEST_STEP`."""
 LATE, LATE_TIME = 0.04, 0.5
 """Share withheld of a way that has lasted for so long, s: joints that are let go come to rest."""
 STARTS = 3.0
@@ -46,7 +47,7 @@ def settle(s: State, position: float) -> None:
     """Reset to a joint at rest at this position, with the operator relaxed."""
     s.position = s.play = s.still_position = s.rest_position = s.farthest = s.begin = position
     s.half_speed = s.speed = s.z = s.element = s.still_time = s.since = s.doubt = 0.0
-    s.heading = s.top = s.saved = s.ahead = 0.0
+    s.heading = s.top = s.saved = s.ahead = s.aim = 0.0
     s.mode, s.way = FREE, 0
 
 
@@ -99,9 +100,9 @@ def observe(p: Parameters, s: State, time: float, position: float, velocity: flo
         if p.law < CONTINUOUS:
             s.speed = travel / step
         elif known:
-            s.ahead = (s.ahead + velocity * step - travel) * math.exp(-step / AGREE_TIME)
+            s.ahead = (s.ahead + velocity * step - travel) * math.exp(-step / LONGEST_STEP)
             speed = min(abs(velocity), abs(s.half_speed))
-            if abs(s.ahead) < AGREE_SHARE * AGREE_TIME * speed + 3.0 * p.resolution:
+            if abs(s.ahead) < AGREE_SHARE * LONGEST_STEP * speed + 3.0 * p.resolution:
                 s.speed = velocity
     if p.law < CONTINUOUS and known:
         s.speed = velocity
@@ -125,7 +126,7 @@ def friction_level(p: Parameters, s: State, positive: bool, more: float) -> floa
     near = max(0.0, min(sliding, mean))
     near += min(1.0, max(0.0, 2.0 - moved / STARTS)) * (mean - near)
     within = 0.0 if s.mode == LEADING else min(1.0, max(0.0, 2.0 - moved))
-    rises = settled * min(1.0, speed / p.slow) * (1.0 - within)
+    rises = settled * min(1.0, speed / LEAD_SPEED) * (1.0 - within)
     # Beyond the identified speeds friction may rise less.
     return near + (sliding + p.viscous * min(speed, p.identified) - near) * rises
 

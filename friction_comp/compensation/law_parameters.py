@@ -33,8 +33,8 @@ LONGER = 1.5
 # rad; if the model has no presliding distance. Measured geared joints had 0.1 to 1 mrad.
 DEFAULT_PRESLIDING = 1e-3
 DEFAULT_RESOLUTION = 1e-5
-# rad/s: the slowest speed of a usual table, and the note's range.
-DEFAULT_SLOWEST, DEFAULT_FASTEST = math.radians(1.0), math.radians(100.0)
+# rad/s: the note's range.
+DEFAULT_FASTEST = math.radians(100.0)
 
 
 def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain: float = 0.9,
@@ -83,7 +83,8 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     p['share'] = share_of(model)
     set_breakaway(p[0], model.breakaway)
     _set_distances(p, model)
-    _set_speeds(p, model)
+    p['identified'] = max(model.largest_speed(DEFAULT_FASTEST),
+                          *(model.recorded.speeds if model.recorded else ()), 0.0)
     if model.position_limits is not None:
         p['lowest'], p['highest'] = model.position_limits
     return p
@@ -143,13 +144,3 @@ def _set_distances(p: np.ndarray, model: FrictionModel) -> None:
     distance += 2.0 * count
     p['resolution'], p['distance'], p['slip'] = count, distance, slip + 4.0 * count
     p['turn_distance'] = distance * (0.5 if knows_presliding(model) else 2.0)
-
-
-def _set_speeds(p: np.ndarray, model: FrictionModel) -> None:
-    slowest, fastest = DEFAULT_SLOWEST, DEFAULT_FASTEST
-    speeds = np.abs((model.lookup_table or {}).get('speeds') or [])
-    if len(speeds) and 0.0 < speeds.max() < math.inf:
-        slowest = min(max(float(speeds[speeds > 0.0].min()), slowest), 5.0 * slowest)
-        fastest = float(speeds.max())
-    p['slow'] = slowest
-    p['identified'] = max(fastest, *(model.recorded.speeds if model.recorded else ()), 0.0)

@@ -17,11 +17,9 @@ BAD_TIME = 0.02
 FADE_FROM, FADE_TO = 1.15, 1.5
 """Multiples of the fastest identified speed between which help fades: a drive that has two thirds
 of its model's friction stays below 1.25 of it."""
-HURRIED_WAY, TAKEN = math.radians(60.0), math.radians(0.5)
-"""rad: the longest way of a person in a hurry. A drive that lost friction goes on; trust in it
-falls by 1 over what it is farther by than at the fastest identified speed."""
-LEAST_TRUST = 0.5
-"""Trust that is left beyond the identified speeds."""
+HURRIED_WAY, HURRIED = math.radians(60.0), 0.7
+"""rad: the longest way of a person in a hurry. A drive that lost friction goes on, and is trusted
+with that factor."""
 SOFT_END = math.radians(5.0)
 """rad before a position limit, over which what pushes outwards fades."""
 END_MARGIN, END_BRAKE = 0.03, 1.25
@@ -65,7 +63,7 @@ def safe(p: Parameters, s: State, current: float) -> float:
     speed = abs(s.speed)
     over = speed / p.identified
     if over > 1.0 and abs(s.position - s.begin) > HURRIED_WAY:
-        s.trust = max(LEAST_TRUST, s.trust - (over - 1.0) * p.identified * s.step / TAKEN)
+        s.trust = min(s.trust, HURRIED)
     current *= 1.0 - min(1.0, max(0.0, (over - FADE_FROM) / (FADE_TO - FADE_FROM)))
     if current * s.outward > 0.0 and not math.isnan(s.end):
         room = END_MARGIN - s.outward * (s.position - s.end)

@@ -33,14 +33,12 @@ from friction_comp.compensation.law_fields import (
 
 FILL = 0.025
 """Share of the slid way that goes into the tank: what the share of help leaves to the gear."""
-REFILL = 0.3
-"""s of rest that fill the tank."""
-PLAY = 0.05
-"""Play of the operator as a share of R, beyond one count: no vibration of a held joint passes."""
-NOTICE = 0.05
-"""Share of R, beyond one and a half counts, by which a rested joint moves when somebody pushes."""
+STILL = 0.05
+"""Share of R, beyond encoder counts, that is no motion: of a joint that rests, or that nobody
+pushes; and the play of the operator, so that no vibration of a held joint moves z."""
 REST_TIME = 0.15
-"""s for which a joint must be still to rest."""
+"""s for which a joint must be still to rest. Twice that fills the tank; so long must another
+announcement last at a joint that has its preload."""
 LEAD_TIME, LEAD_SPEED = 0.1, 0.01
 """s over which the preload rises, and rad/s below which it does: a soft gear would overshoot."""
 TURN_SHARE = 0.15
@@ -63,10 +61,15 @@ def operate(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     is_pushed : bool
         Whether a sensor feels that a person pushes that way.
     """
-    play = PLAY * p.distance + p.resolution
+    play = STILL * p.distance + p.resolution
     driven = min(s.position + play, max(s.position - play, s.play))
     moved, s.play = driven - s.play, driven
     free = min(1.0, max(-1.0, s.z + moved / p.distance))
+    # A joint that has a preload is told otherwise when that has lasted.
+    s.lasted += s.step
+    if s.mode == FREE or s.aim == 0.0 or aim == s.aim or s.lasted > 2.0 * REST_TIME:
+        s.aim, s.lasted = aim, 0.0
+    aim = s.aim
     _note_rest(p, s, aim, is_pushed)
     _note_way(p, s)
     if s.mode == LEADING:
@@ -103,10 +106,10 @@ def _debt(distance: float, z: float, element: float) -> float:
 def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     """Note whether the joint rests, and begin what a rest begins."""
     s.still_time, s.since = s.still_time + s.step, s.since + s.step
-    if abs(s.position - s.still_position) > p.distance / 16.0 + 1.5 * p.resolution:
+    if abs(s.position - s.still_position) > STILL * p.distance + 1.5 * p.resolution:
         s.still_position, s.still_time = s.position, 0.0
     if s.still_time >= REST_TIME or s.mode == LEADING:
-        s.saved += 2.0 * p.distance * s.step / REFILL
+        s.saved += p.distance * s.step / REST_TIME
     if s.still_time < REST_TIME:
         s.mode = FREE if s.mode == HELD else s.mode
         return
@@ -142,7 +145,7 @@ def _note_way(p: Parameters, s: State) -> None:
     beyond = s.position - s.farthest
     width = p.turn_distance if s.way == SLOWED else max(p.distance, p.turn_distance)
     if s.heading == 0.0 and s.mode != LEADING:
-        width = NOTICE * p.distance + 1.5 * p.resolution
+        width = STILL * p.distance + 1.5 * p.resolution
     if beyond * s.heading > 0.0:
         s.farthest = s.position
     elif abs(beyond) > width:
@@ -158,7 +161,7 @@ def _note_way(p: Parameters, s: State) -> None:
 def _watch_slip(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     """End leading where the joint slips, is pushed the other way, or holds its preload."""
     moved = (s.position - s.begin) * math.copysign(1.0, aim)
-    if aim == 0.0 or abs(moved) > s.yields or -moved > NOTICE * p.distance + 1.5 * p.resolution:
+    if aim == 0.0 or abs(moved) > s.yields or -moved > STILL * p.distance + 1.5 * p.resolution:
         if aim != 0.0 and moved > s.yields:
             s.rest_position = s.begin
             # The law moves the joint at about the speed above which it waits. The push of a

@@ -180,14 +180,9 @@ class CompensationLoop:
 
     def unusual(self) -> list[str]:
         """Return what is unusual about the models, as text."""
-        joints, law = self._joints, self._law
-        return [
-            *(f"{joint}: its model file is for joint '{model.joint}'"
-              for joint, model in zip(joints, law.models) if model.joint not in ('', joint)),
-            *(f'{joint}: in some postures its weight takes up to {weight:.3g} A, more than the '
-              f'limit of {limit:.3g} A: it is not supported in full there'
-              for joint, weight, limit in zip(joints, law.largest_weights, law.limits)
-              if weight > limit)]
+        return [f"{joint}: its model file is for joint '{model.joint}'"
+                for joint, model in zip(self._joints, self._law.models)
+                if model.joint not in ('', joint)]
 
     def left_out(self) -> list[str]:
         """Return which effects of the models are not fed back, and why, as text."""

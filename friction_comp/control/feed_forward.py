@@ -9,6 +9,7 @@ written in several ways.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,21 +25,26 @@ CHANGED = 0.1
 """Relative change that is told with a warning: the margin that the law leaves for model errors."""
 
 
-def feed_forward(model: FrictionModel) -> np.ndarray:
-    """Return what the continuous law feeds forward of a model's friction, A, shape (2, 2).
+class FeedForward(NamedTuple):
+    """Currents in the positive and the negative direction, A, magnitudes, shape (2,)."""
 
-    At rest with the direction announced, and sliding, each in the positive and the negative
-    direction, magnitudes. Without effects that carry, and without those whose signals a joint alone
-    does not have.
+    rest: np.ndarray        # with the direction announced
+    sliding: np.ndarray
+
+
+def feed_forward(model: FrictionModel) -> FeedForward:
+    """Return what the continuous law feeds forward of a model's friction.
+
+    Without effects that carry, and without those whose signals a joint alone does not have.
     """
     bare = replace(model, arm=None, position_limits=None, effects=[
         effect for effect in model.effects
         if effect.role == RESISTS and not effect.needs and not effect.not_fed_back])
     speed = _SPEED * float(CompensationLaw([bare]).parameters['identified'][0])
-    return np.abs([_one_direction(bare, sign, speed) for sign in (1.0, -1.0)]).T
+    return FeedForward(*np.abs([_one_direction(bare, sign, speed) for sign in (1.0, -1.0)]).T)
 
 
-def changes(before: np.ndarray, after: np.ndarray) -> list[str]:
+def changes(before: FeedForward, after: FeedForward) -> list[str]:
     """Return where clearly more or less is fed forward than before, as text."""
     texts = []
     for place, old, new in zip(('at rest', 'sliding'), before, after):

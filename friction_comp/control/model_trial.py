@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.control.feed_forward import changes, feed_forward
+from friction_comp.control.feed_forward import changes, feed_forward, FeedForward
 from friction_comp.errors import InputError
 from friction_comp.model.arm import Arm, FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS
@@ -31,9 +31,9 @@ class Loaded(NamedTuple):
     """A model that was tried, and what the law feeds forward with it."""
 
     model: FrictionModel
-    feed: np.ndarray
+    feed: FeedForward
 
-    def told(self, before: np.ndarray | None = None) -> list[str]:
+    def told(self, before: FeedForward | None = None) -> list[str]:
         """Return what a file says against its model, and what changed since before."""
         changed = [] if before is None else changes(before, self.feed)
         return [*doubts(self.model),

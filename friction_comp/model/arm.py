@@ -29,9 +29,6 @@ PARAMETERS = 10
 FREE_FALL = (0.0, 0.0, -9.81)
 # Rotation matrices in a file are rounded, by less than this in any product.
 _ROUNDED = 1e-6
-# The search of the largest weight: postures at its start, and passes over the joints.
-_STARTS, _SWEEPS = 16, 6
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _KINDS = ('revolute', 'prismatic')
 
 
@@ -96,26 +93,6 @@ class Tree:
     def weight(self, position: np.ndarray) -> np.ndarray:
         """Return the torque that holds the arm at rest, shape (L,), at a position of shape (L,)."""
         return self._at_rest(np.asarray(position, dtype=float)[None])[0]
-
-    def largest_weight(self, index: int) -> float:
-        """Return the largest torque that holds a joint at rest over all postures, N·m or N.
-
-        Prismatic joints stay at zero. At rest the torque is a constant plus one harmonic of each
-        angle, so that three postures give the best angle of a joint while the others stay; repeated
-        for all joints, from many postures.
-        """
-        size, thirds = len(self.joints), math.tau / 3.0 * np.arange(3.0)
-        # Evenly distributed postures, each for a torque in both directions.
-        q = math.tau * np.modf(np.outer(np.arange(_STARTS) + 0.5, _GOLDEN ** np.arange(1, size + 1))
-                               )[0].repeat(2, axis=0)
-        q[:, self.prismatic] = 0.0
-        signs = np.tile([1.0, -1.0], _STARTS)
-        for k in np.tile(np.flatnonzero(~self.prismatic), _SWEEPS):
-            postures = q.repeat(3, axis=0)
-            postures[:, k] = np.tile(thirds, len(q))
-            torques = signs[:, None] * self._at_rest(postures)[:, index].reshape(-1, 3)
-            q[:, k] = np.arctan2(torques @ np.sin(thirds), torques @ np.cos(thirds))
-        return float(max(0.0, (signs * self._at_rest(q)[:, index]).max()))
 
     def _at_rest(self, postures: np.ndarray) -> np.ndarray:
         still = np.zeros_like(postures)
@@ -244,12 +221,6 @@ class Coupling:
             (group.columns(names, states, still, still) @ np.asarray(coefficients))[0]
             for group, coefficients in zip(self.groups, self.coefficients)
             if group.kind == 'weight'))
-
-    def largest_weight(self) -> float:
-        """Return a bound of `weight` over all postures, A: the amplitudes of its terms."""
-        return float(sum(math.hypot(*coefficients)
-                         for group, coefficients in zip(self.groups, self.coefficients)
-                         if group.kind == 'weight'))
 
     @property
     def joints(self) -> list[str]:
@@ -389,7 +360,6 @@ class Arm:
     differentiation: dict[str, Any] = field(default_factory=dict)
     # Beside rigid bodies: friction that turns with two joints. Nothing of it acts at rest.
     friction: Arm | None = None
-    _largest: dict[str, float] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -427,14 +397,6 @@ class Arm:
         if isinstance(self.source, Tree):
             return float(self.source.weight(position)[self._index(joint)])
         return self.source.weight(self.joints, np.asarray(position, dtype=float))
-
-    def largest_at_rest(self, joint: str) -> float:
-        """Return the largest magnitude of `at_rest` over all postures; the first call takes ms."""
-        if joint not in self._largest:
-            self._largest[joint] = (
-                self.source.largest_weight(self._index(joint)) if isinstance(self.source, Tree)
-                else self.source.largest_weight())
-        return self._largest[joint]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the arm as the plain values of a model file."""
