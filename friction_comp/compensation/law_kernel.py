@@ -36,8 +36,9 @@ FILTER_TIME = 0.004
 AGREE_SHARE = 0.2
 """Share by which the reported velocity may lead beside the positions that are seen, over
 `LONGEST_STEP`."""
-LATE, LATE_TIME = 0.04, 0.5
-"""Share withheld of a way that has lasted for so long, s: joints that are let go come to rest."""
+LATE, LATE_TIME, SLOWER = 0.04, 0.5, 0.05
+"""Share withheld of a way that has lasted for so long, s, at so much less than its top speed: a
+joint that is let go comes to rest, and who goes on at one speed keeps all help."""
 STARTS = 3.0
 """R from rest over which breakaway friction holds the joint; it fades over as much again."""
 
@@ -182,10 +183,14 @@ def decide(p: Parameters, s: State, direction: float, end: float, is_pushed: boo
             s.z, s.trust = direction, 1.0
         else:
             operate(p, s, min(1.0, p.gain / p.share) * direction, is_pushed)
-            share -= LATE * min(1.0, max(0.0, s.since / LATE_TIME - 1.0)) * (s.mode == FREE)
+            slower = 1.0 - abs(s.speed) / (s.top + 1e-9)
+            share -= LATE * min(1.0, max(0.0, s.since / LATE_TIME - 1.0)) * min(
+                1.0, max(0.0, slower / SLOWER)) * (s.mode == FREE)
         positive = s.z > 0.0
         level = friction_level(p, s, positive, forward if positive else -backward)
         friction = s.trust * share * level * s.z
+        if s.heading * s.z < 0.0 and s.aim * s.z <= 0.0 and p.law != DESIRED:
+            friction = 0.0      # Before the turn this is a gear that springs back, not a push.
     s.friction = safe(p, s, friction)
     largest = max(p.upper, -p.lower, p.break_positive, p.break_negative) + max(
         0.0, forward, -backward)
