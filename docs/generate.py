@@ -200,7 +200,6 @@ def reproduce() -> str:
 LAWS = {
     'announced': ('`continuous`, announced', 'exercises whose next movement is known', ''),
     'unknown': ('`continuous`, d = 0', 'hand guiding, leader arms, exercises without a plan', ''),
-    'recorded': ('the same, presliding from reversals', 'the same, with a model of recordings', ''),
     'unmeasured': ('the same, presliding unknown', 'the same, without slow reversals', ''),
     'desired': ('`desired`', 'followers: joints that another controller moves along a reference',
                 '**warning**: it pushes while a direction is announced'),
