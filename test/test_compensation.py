@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
+from friction_comp.compensation.law_kernel import LATE
 from friction_comp.compensation.law_parameters import SHARE
 from friction_comp.control.feed_forward import changes, feed_forward
 from friction_comp.errors import InputError
@@ -139,7 +140,7 @@ def test_a_new_model_comes_in_without_a_jump():
         currents.append(law.update(k * 1e-3, [0.5e-3 * k], [0.5], [0])[0])
     # From full friction one way to full friction the other takes 20 ms.
     assert np.abs(np.diff(currents[350:])).max() < 0.11 * other.sigmoid.upper
-    assert currents[-1] == pytest.approx(SHARE * float(other.sigmoid(0.5)), rel=0.01)
+    assert currents[-1] == pytest.approx((SHARE - LATE) * float(other.sigmoid(0.5)), rel=0.01)
 
 
 def test_a_new_model_is_trusted_anew_and_shows_at_rest_whether_its_drive_holds_it():
@@ -187,8 +188,8 @@ def test_an_effect_without_its_signal_is_left_out_until_the_signal_comes():
     assert np.abs(np.diff(currents[50:])).max() < 0.11 * (note_model(2).sigmoid.upper + 0.12)
     assert differences[240] == pytest.approx(0.0, abs=1e-6)
     assert differences[490] == pytest.approx(SHARE * 0.02, rel=0.03)
-    assert differences[990] == pytest.approx(SHARE * 0.12, rel=0.03)
-    assert differences[-1] == pytest.approx(SHARE * 0.02, rel=0.03)
+    assert differences[990] == pytest.approx((SHARE - LATE) * 0.12, rel=0.03)
+    assert differences[-1] == pytest.approx((SHARE - LATE) * 0.02, rel=0.03)
     law.reset()
     assert not law.missing
 
@@ -251,7 +252,7 @@ def test_sliding_and_resting_current_are_what_the_model_predicts(name, held):
         samples = Samples(time=time, position=side * 0.5 * time, current=np.zeros(1500),
                           velocity=np.full(1500, side * 0.5))
         assert current == pytest.approx(
-            SHARE * model.predict(samples)[-1], rel=0.02)
+            (SHARE - LATE) * model.predict(samples)[-1], rel=0.02)
         at_rest = hold(CompensationLaw([model]), side)[-1]
         assert at_rest == pytest.approx(side * 0.9 * 0.1377, rel=0.02)
 

@@ -73,7 +73,6 @@ class State:
     heading: float          # of this way, -1, 0 or 1; its farthest point, rad; top speed, rad/s
     farthest: float
     top: float
-    pace: float             # mean speed of late, rad/s
     way: int                # of which kind, one of those above
     outward: float          # direction of the movement announced last, 0 once it is over
     end: float              # of that movement, rad

@@ -36,9 +36,8 @@ FILTER_TIME = 0.004
 AGREE_SHARE = 0.2
 """Share by which the reported velocity may lead beside the positions that are seen, over
 `LONGEST_STEP`."""
-LATE, LATE_TIME, CHANGED = 0.04, 0.5, 0.03
-"""Share withheld, after so long, s, of a joint that by so much is faster or slower than its mean
-over that time: it is over-compensated or let go, or pushed and needs less."""
+LATE, LATE_TIME = 0.04, 0.5
+"""Share withheld of a way that has lasted for so long, s: a joint that is let go comes to rest."""
 STARTS = 3.0
 """R from rest over which breakaway friction holds the joint; it fades over as much again."""
 
@@ -133,17 +132,6 @@ def friction_level(p: Parameters, s: State, positive: bool, more: float) -> floa
 
 
 @njit(cache=True)
-def withheld(s: State) -> float:
-    """Return the share withheld from a joint whose speed changes after the start of its way."""
-    speed = abs(s.speed)
-    s.pace += (speed - s.pace) * s.step / min(LATE_TIME, s.since + s.step)
-    if s.mode != FREE:
-        return 0.0
-    changed = abs(speed - s.pace) / (CHANGED * s.pace + 1e-9)
-    return LATE * min(1.0, changed) * min(1.0, max(0.0, s.since / LATE_TIME - 1.0))
-
-
-@njit(cache=True)
 def paper_current(p: Parameters, s: State, direction: float) -> float:
     """Return the current of section 2.5 as printed; `kinetic` is the same with direction 0.
 
@@ -194,7 +182,7 @@ def decide(p: Parameters, s: State, direction: float, end: float, is_pushed: boo
             s.z, s.trust = direction, 1.0
         else:
             operate(p, s, min(1.0, p.gain / p.share) * direction, is_pushed)
-            share -= withheld(s)
+            share -= LATE * min(1.0, max(0.0, s.since / LATE_TIME - 1.0)) * (s.mode == FREE)
         positive = s.z > 0.0
         level = friction_level(p, s, positive, forward if positive else -backward)
         friction = s.trust * share * level * s.z
