@@ -64,13 +64,13 @@ def operate(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     play = STILL * p.distance + p.resolution
     driven = min(s.position + play, max(s.position - play, s.play))
     moved, s.play = driven - s.play, driven
-    free = min(1.0, max(-1.0, s.z + moved / p.distance))
     # A joint that has a preload is told otherwise when that has lasted.
     s.lasted += s.step
     if s.mode == FREE or s.aim == 0.0 or aim == s.aim or s.lasted > 2.0 * REST_TIME:
         s.aim, s.lasted = aim, 0.0
     aim = s.aim
     _note_rest(p, s, aim, is_pushed)
+    free = min(1.0, max(-1.0, s.z + moved / p.distance))
     _note_way(p, s)
     if s.mode == LEADING:
         _watch_slip(p, s, aim, is_pushed)
@@ -118,6 +118,8 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         if p.slip < moved < MOVED and not is_pushed:
             s.trust *= LATER
         s.trusted, s.farthest = s.trust, s.position
+        if s.z * s.heading < 0.0 and s.z * aim <= 0.0:
+            s.z = 0.0       # It sprang back, and got no help for that.
         # Within the slip distance a joint that creeps has not left its position of rest.
         if abs(s.position - s.rest_position) > p.slip:
             s.rest_position = s.position
@@ -129,8 +131,10 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         s.mode = HELD
         if aim == 0.0:
             s.rest_position = s.position
-    s.heading = s.top = 0.0
     s.way = RESTED if abs(s.z) < 0.02 else TURNED
+    # While help decays at rest, a gear springs back.
+    s.heading = 0.0 if s.way == RESTED or aim != 0.0 else math.copysign(1.0, s.z)
+    s.top = 0.0
     # No gear moves against its preload.
     if s.way == RESTED or (s.position - s.farthest) * s.z > 0.0:
         s.farthest = s.position
