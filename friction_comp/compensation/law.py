@@ -69,6 +69,7 @@ class CompensationLaw:
         # For calls of `update` without an end or a velocity.
         self._endless, self._still = np.full(self.joints, math.nan), np.zeros(self.joints)
         self._carried = np.zeros(self.joints)
+        self.missing: list[tuple[int, str, tuple[str, ...]]] = []
         self.retune(law, breakaway_gain, current_limit)
 
     @property
@@ -209,7 +210,7 @@ class CompensationLaw:
         for joint, new in zip(joints, parameters):
             self._parameters[joint] = new[0]
             self._states[joint]['blends'] = 2.0 * TURN_TIME * self._states[joint]['started']
-        self.missing: list[tuple[int, str, tuple[str, ...]]] = []
+        self.missing = []
         self.never_applied = [
             (j, effect.name, self._why_left_out(effect))
             for j, model in enumerate(self.models) for effect in model.effects

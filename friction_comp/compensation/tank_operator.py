@@ -128,7 +128,7 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         # A joint yields twice as far from one preload to the other as from none.
         s.yields = p.slip * max(1.0, abs(aim - s.z))
     else:
-        s.mode = HELD
+        s.mode, s.begin = HELD, s.position
         if aim == 0.0:
             s.rest_position = s.position
     s.way = RESTED if abs(s.z) < 0.02 else TURNED
@@ -198,6 +198,6 @@ def _wish(s: State, distance: float, aim: float, free: float) -> tuple[float, fl
     elif weight > 1.5 and s.way == SLOWED:
         s.way = WENT_ON     # Once a way: otherwise a heavy joint would stop and go.
     elif aim == 0.0 and (s.way == RESTED or (
-            s.way == TURNED and abs(s.position - s.begin) > distance)):
+            s.way == TURNED and (s.position - s.begin) * s.heading > distance)):
         return s.heading, 1e6
     return free, 0.0
