@@ -35,8 +35,6 @@ MOST = {
     'safety': 820, 'torque_controlled_robots': 400, 'identification': 900, 'direction': 700,
     'excite': 450, 'follow': 450, 'arms': 700, 'many_robots': 550, 'refinement': 1200,
     'tables': 1000}
-# Pages that are still too long or tell of what was.
-LATER = ('compensation_law',)
 PAGES = sorted(path for folder in ('.', 'docs', 'msg_docs', 'bench', 'sros2')
                for path in (ROOT / folder).glob('*.md'))
 # Pages that are followed step by step; of the others, arguments are read.
@@ -84,8 +82,7 @@ def test_generated_parts_are_those_of_code_and_stored_figures():
         assert text == generate.written(text), f'{page.name}: python3 docs/generate.py'
 
 
-@pytest.mark.parametrize('page', [page for page in PAGES if page.stem not in LATER],
-                         ids=lambda page: page.stem)
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.stem)
 def test_a_page_is_short_and_says_what_is(page):
     text = page.read_text(encoding='utf-8')
     name = 'msg_docs' if page.parent.name == 'msg_docs' else page.stem
