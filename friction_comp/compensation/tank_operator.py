@@ -118,8 +118,10 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         if p.slip < moved < MOVED and not is_pushed:
             s.trust *= LATER
         s.trusted, s.farthest = s.trust, s.position
-        if s.z * s.heading < 0.0 and s.z * aim <= 0.0:
-            s.z = 0.0       # It sprang back, and got no help for that.
+        # Help goes on from what it was in motion, which is a smaller part of breakaway friction.
+        # A gear that sprang back got none for that.
+        at_rest = s.trust * p.share * (p.break_positive if s.z > 0.0 else p.break_negative)
+        s.z = math.copysign(min(abs(s.z), abs(s.friction) / (at_rest + 1e-9)), s.z)
         # Within the slip distance a joint that creeps has not left its position of rest.
         if abs(s.position - s.rest_position) > p.slip:
             s.rest_position = s.position
@@ -127,6 +129,10 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         s.mode, s.begin, s.since, s.still_time = LEADING, s.position, 0.0, 0.0
         # A joint yields twice as far from one preload to the other as from none.
         s.yields = p.slip * max(1.0, abs(aim - s.z))
+    elif s.mode == HELD and s.way == TURNED and aim == 0.0 and abs(s.z) < 0.02:
+        # Help has decayed, and the gear springs back from it: the rest begins when that is over.
+        s.mode, s.still_position, s.still_time = FREE, s.position, 0.0
+        return
     else:
         s.mode, s.begin = HELD, s.position
         if aim == 0.0:
