@@ -129,8 +129,9 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         s.mode, s.begin, s.since, s.still_time = LEADING, s.position, 0.0, 0.0
         # A joint yields twice as far from one preload to the other as from none.
         s.yields = p.slip * max(1.0, abs(aim - s.z))
-    elif s.mode == HELD and s.way == TURNED and aim == 0.0 and abs(s.z) < 0.02:
-        # Help has decayed, and the gear springs back from it: the rest begins when that is over.
+    elif (s.mode == HELD and s.way == TURNED and aim == 0.0 and abs(s.z) < 0.02
+          and abs(s.speed) * REST_TIME > STILL * p.distance + 1.5 * p.resolution):
+        # Help has decayed, and the gear still springs back: the rest begins when that is over.
         s.mode, s.still_position, s.still_time = FREE, s.position, 0.0
         return
     else:
