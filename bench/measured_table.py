@@ -192,7 +192,8 @@ def measure(row, data, output):
                             '--output', where / 'score.csv', *joint])
     if code:
         return {'set': row.name, 'skipped': f'predict ended with {code}: {message[-300:]}'}
-    report = json.loads((where / 'report.json').read_text(encoding='utf-8'))
+    own = where / row.joint if row.urdf else where
+    report = json.loads((own / 'report.json').read_text(encoding='utf-8'))
     table = np.loadtxt(where / 'score.csv', delimiter=',', skiprows=1)
     model = FrictionModel.load(where / 'model.yaml')
     return {
@@ -243,9 +244,10 @@ def main():
                 lambda row: measure(row, arguments.data.resolve(), output), rows):
             show(result)
             results.append(result)
-    (output / 'said.json').write_text(json.dumps([{
-        **{name: r[name] for name in KEPT}, 'by_hand': r['by_hand'] if r['by_hand'] == r['by_hand']
-        else None} for r in results if 'skipped' not in r], indent=1))
+        (output / 'said.json').write_text(json.dumps([{
+            **{name: r[name] for name in KEPT},
+            'by_hand': r['by_hand'] if r['by_hand'] == r['by_hand'] else None}
+            for r in results if 'skipped' not in r], indent=1))
     print('\n| set | error on score | C + V | by hand | effects in order | CPU s |'
           '\n|---|---|---|---|---|---|')
     for r in results:

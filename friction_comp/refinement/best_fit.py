@@ -33,6 +33,8 @@ from friction_comp.samples import Samples
 
 # A model without a weight beside the links may have so much more of the error.
 _AS_GOOD = 1.1
+# Times that filters are chosen with the terms found before.
+_FILTERS = 3
 # Number of lags that are tried on each side, from half a sample to the longest.
 _LAGS = 9
 # Transitions that are tried on all samples, and the most samples for that.
@@ -156,7 +158,12 @@ def find_best_fit(problem: Problem) -> Fit:
 
     What history explains, a lag may explain as well: with each, the search goes on to its end.
     """
-    best = _at_best_motion(problem, search_with(problem))
+    best = search_with(problem)
+    # A plain drive knows of no ripple, which a filter of motion or of the load blurs.
+    wider = recorded_motion.smooth_settings(problem.raw)
+    if best.settings['bandwidth'] < wider['bandwidth'] or best.settings.get('signals'):
+        best = _better(best, search_with(problem, wider), thresholds.EQUIVALENT)
+    best = _at_best_motion(problem, best)
     lagged = best
     # Terms stood in for a part of the lag: with them gone, it is found once more.
     for _ in range(2):
@@ -190,10 +197,19 @@ def _without_weight_beside_links(fit: Fit) -> list[Term]:
 
 
 def _at_best_motion(problem: Problem, fit: Fit) -> Fit:
-    """Return the fit at the source and bandwidth of motion with which its terms predict best."""
-    settings = _with_best_motion(problem, fit)
-    return fit if settings == fit.settings else _better(fit, search_with(
-        problem, settings, fit.terms[fit.initial_count:]), thresholds.EQUIVALENT)
+    """Return the fit at the filters of motion and signals with which its terms predict best.
+
+    Better filters show more terms, with which others may be better.
+    """
+    for _ in range(_FILTERS):
+        settings = _with_best_motion(problem, fit)
+        if settings == fit.settings:
+            break
+        again = search_with(problem, settings, fit.terms[fit.initial_count:])
+        if _better(fit, again, thresholds.EQUIVALENT) is fit:
+            break
+        fit = again
+    return fit
 
 
 def _better(first: Fit, second: Fit, least: float) -> Fit:
@@ -258,15 +274,21 @@ def _with_best_lag(fit: Fit) -> dict[str, Any]:
 
 
 def _with_best_motion(problem: Problem, fit: Fit) -> dict[str, Any]:
-    """Return the source and bandwidth of motion with which a fit's terms predict best."""
-    error, found = _error_by(fit), []
-    for choice in recorded_motion.resolved_settings(problem.raw):
-        choice |= {name: fit.settings[name] for name in ('lag', 'signals')
-                   if fit.settings.get(name)}
-        found.append((error(fit.rows.with_settings(problem.raw, choice), 0.0), choice))
-    now = error(fit.rows, 0.0)
-    least, choice = min(found, key=lambda entry: entry[0])
-    return choice if least < (1.0 - thresholds.LEAST_SHARE) * now else fit.settings
+    """Return the source and bandwidth of motion, and of signals, with which terms predict best."""
+    error, raw, now = _error_by(fit), problem.raw, dict(fit.settings)
+
+    def error_with(settings: dict[str, Any]) -> float:
+        return error(fit.rows.with_settings(raw, settings), 0.0)
+    # A load that is part of the target has to stay as it is.
+    if not fit.rows.load_coefficient:
+        now['signals'] = recorded_motion.choose_signals(raw, lambda name, bandwidth: error_with(
+            {**now, 'signals': {**now.get('signals', {}), name: {'bandwidth': bandwidth}}}))
+    kept = {name: now[name] for name in ('lag', 'signals') if now.get(name)}
+    choices = [{**choice, **kept} for choice in recorded_motion.resolved_settings(raw)]
+    least, choice = min(((error_with(choice), choice) for choice in choices),
+                        key=lambda entry: entry[0])
+    enough = (1.0 - thresholds.LEAST_SHARE) * error(fit.rows, 0.0)
+    return choice if least < enough else fit.settings
 
 
 def refit(fit: Fit, terms: Sequence[Term]) -> Fit:

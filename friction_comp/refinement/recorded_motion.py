@@ -323,8 +323,8 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
         return held_out_error(columns, part.current, block)
     # The load first, since noise in motion may make up for its noise.
     smooth = smooth_settings(samples)
-    signals = choose_signals(
-        samples, lambda changed: error_with(smoothed.with_(**changed), smooth))
+    signals = choose_signals(samples, lambda name, bandwidth: error_with(smoothed.with_(**{
+        name: prepared_signal(samples, getattr(samples, name), bandwidth)}), smooth))
     for choice in resolved_settings(samples):
         if signals:
             choice['signals'] = signals
@@ -339,11 +339,10 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
                key=lambda choice: choice['bandwidth'])
 
 
-def choose_signals(samples: Samples, error: Callable[[dict[str, np.ndarray]], float]
-                   ) -> dict[str, Any]:
+def choose_signals(samples: Samples, error: Callable[[str, float], float]) -> dict[str, Any]:
     """Return the bandwidths of measured signals with which other regimes are predicted best.
 
-    `error` returns the squared error with some signals replaced.
+    `error` returns the squared error by the name of a signal and its bandwidth, Hz.
     """
     chosen: dict[str, Any] = {}
     for name in MEASURED:
@@ -351,12 +350,11 @@ def choose_signals(samples: Samples, error: Callable[[dict[str, np.ndarray]], fl
         if values is None or not np.ptp(values) > 0.0:
             continue
         rate = 1.0 / samples.sample_time
-        tried = {value: prepared_signal(samples, values, value) for value in (
+        errors = {value: error(name, value) for value in (
             *(value for value in _SIGNAL_BANDWIDTHS if value <= _WIDEST * rate), 0.5 * rate)}
-        errors = {value: error({name: signal}) for value, signal in tried.items()}
         most = (1.0 + thresholds.EQUIVALENT) ** 2 * min(errors.values())
         bandwidth = max(value for value, error_ in errors.items() if error_ <= most)
-        if not np.array_equal(tried[bandwidth], values):
+        if not np.array_equal(prepared_signal(samples, values, bandwidth), values):
             chosen[name] = {'bandwidth': bandwidth}
     return chosen
 
