@@ -79,7 +79,8 @@ def play_arm(system: DemoSystem) -> None:
                'compensator with the models of its drives')
     system.start_plant(list(ARM), files,
                        arm_file=package_file('config', 'arms', 'guided_arm.xml'))
-    system.start('compensator', *files, law='continuous')
+    # One path is recorded, which does not tell of others: it is the one that follows.
+    system.start('compensator', *files, law='continuous', accept_record_again=True)
     system.record('taught', 'a person guides it, with help against friction',
                   exercise_file=package_file('config', 'exercises', 'guided_arm.yaml'),
                   announce_direction=False)

@@ -76,7 +76,7 @@ def refine_recordings(given: Given, paths: Sequence[Path],
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
         return refine(
             recorded, model, drive, origin=origin,
-            progress=lambda share, name: show(0.2 + 0.7 * share, f'trying {name}'))
+            progress=lambda share, name: show(0.2 + 0.7 * share, name))
 
 
 def notes_on(recordings: Iterable[tuple[Samples, RecordingInfo]], idle: bool = False) -> list[str]:

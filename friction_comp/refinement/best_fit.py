@@ -28,7 +28,7 @@ from friction_comp.refinement.effect_columns import (
     Term,
 )
 from friction_comp.refinement.prepare import prepare, Rows
-from friction_comp.refinement.search import adjust_constants, Search
+from friction_comp.refinement.search import adjust_constants, gain_of, Search
 from friction_comp.samples import Samples
 
 # A model without a weight beside the links may have so much more of the error.
@@ -162,7 +162,7 @@ def find_best_fit(problem: Problem) -> Fit:
     # A plain drive knows of no ripple, which a filter of motion or of the load blurs.
     wider = recorded_motion.smooth_settings(problem.raw)
     if best.settings['bandwidth'] < wider['bandwidth'] or best.settings.get('signals'):
-        best = _better(best, search_with(problem, wider), thresholds.EQUIVALENT)
+        best = min(best, search_with(problem, wider), key=lambda fit: fit.rmse_with(fit.terms))
     best = _at_best_motion(problem, best)
     lagged = best
     # Terms stood in for a part of the lag: with them gone, it is found once more.
@@ -213,12 +213,10 @@ def _at_best_motion(problem: Problem, fit: Fit) -> Fit:
 
 
 def _better(first: Fit, second: Fit, least: float) -> Fit:
-    """Return the second fit if it has clearly less error, by a share; else the first.
-
-    Other filters make other regimes, so that only the mean error can be compared.
-    """
-    before, after = (fit.rmse_with(fit.terms) ** 2 for fit in (first, second))
-    return second if after < (1.0 - least) * before else first
+    """Return the second fit if it has clearly less error, by a share; else the first."""
+    share, errors = gain_of(*(fit.table.errors(fit.terms) / fit.table.sums.rows
+                              for fit in (first, second)))
+    return second if share > least and errors > thresholds.STANDARD_ERRORS else first
 
 
 def _with_late_terms(fit: Fit) -> Fit:

@@ -468,7 +468,8 @@ def findings_on_numbers(friction: FrictionNumbers, error: float = math.inf,
     """Yield numbers that no drive has, and that are not known.
 
     Of these, the interval holds zero, and more than the held-out `error` of the current by which it
-    was chosen. `largest` is the largest current of the recordings.
+    was chosen. `largest` is the largest current of the recordings, with a measured load that
+    moved the joint.
     """
     # An effect of temperature, say, may leave some to others: what cancels twice that is none.
     if friction.coulomb > 2.0 * largest:

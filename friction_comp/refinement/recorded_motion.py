@@ -254,19 +254,21 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
 
     By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
-    if the load lowers the error of regimes that were not fitted, with half to twice this
+    if the load lowers the error of parts that were not fitted, with half to twice this
     coefficient, the motor carries it, and its coefficient is fitted as that of an effect. If it
     does not, but the load overcomes friction or accelerates the joint, then a person moves it, and
     the current is that of a compensation law or zero: the known coefficient has to be used. A
     sensor behind the gear may show the torque of the motor on the links instead, of the other sign:
-    then friction and inertia alone predict regimes that were not fitted, without a weight, and only
+    then friction and inertia alone predict parts that were not fitted, without a weight, and only
     with that sign. The current shows that torque: again its coefficient is fitted.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
     mechanics = -1.0 / drive.torque_per_current
     moved, start = smooth_motion(*excerpt(samples, unusable))
-    part, block = moved.take(start), regimes_in(moved, start)
+    part = moved.take(start)
+    # Whether a load moves the joint is no question of other motion: parts of time.
+    block = np.arange(len(start)) * int(thresholds.REGIMES) // len(start)
     velocity, load = np.asarray(part.velocity), np.asarray(part.load)
     columns = plain_columns(part.with_(load=None))
     plain = range(columns.shape[1])

@@ -73,6 +73,7 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
     origin = replace(origin, unit=unit or origin.unit or ('A' if declared else 'N·m'))
     problem = Problem(join(recorded), drive, declared, model,
                       linear=origin.unit == 'N' or 'position_unit' in origin.notes)
+    report_progress(0.0, 'searching')
     fit = find_best_fit(problem)
     report_progress(0.6, 'intervals and rivals')
     fit = replace(fit, rivals=rivals_of(fit))

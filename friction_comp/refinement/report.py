@@ -60,7 +60,7 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
         notes += judge.other_turn(effects)
     verdict = verdict_of([
         *judge.findings_on_numbers(friction, errors.held_out_rmse, float(np.abs(
-            raw.current).max())),
+            rows.target).max())),
         *judge.findings(fit, raw, errors, dependences, questions, between), *notes], unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
