@@ -145,7 +145,9 @@ def test_the_refined_model_makes_the_drive_easier_to_move(declared, name):
             assert peak_after < 1.2 * peak_before
             continue
         # Both lie where the law's breakaway term is at work anyway.
-        assert rms_after < (1.0 if name in ('stribeck', 'hysteresis') else 0.75) * rms_before
+        # Displacement alone takes much of a ripple.
+        most = {'stribeck': 1.0, 'hysteresis': 1.0, 'friction_ripple': 0.85}.get(name, 0.75)
+        assert rms_after < most * rms_before
         # Starting is hardly easier where breakaway currents do not follow, as with temperature, or
         # are not compensated at all.
         hardly = name == 'temperature' or not changes.get('compensated', True)
