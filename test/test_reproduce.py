@@ -53,6 +53,6 @@ def test_whole_tool(tmp_path, monkeypatch):
         for name, value in quoted['peak_torque'].items():
             # What a law leaves is a small difference: 0.5 % of friction is 7 % of it.
             assert peaks[name] == pytest.approx(
-                value, rel=0.12, abs=max(0.02, 0.01 * peaks['none'])), name
+                value, rel=0.2, abs=max(0.02, 0.01 * peaks['none'])), name
         for name, value in quoted['peak_reduction'].items():
-            assert reductions[name] == pytest.approx(value, abs=0.1), name
+            assert reductions[name] == pytest.approx(value, abs=0.15), name
