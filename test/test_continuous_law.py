@@ -172,6 +172,16 @@ def test_a_person_who_keeps_pushing_regains_what_a_slip_took():
     assert law.guards['taken back'][0] == 0.0
 
 
+@pytest.mark.parametrize('counts', [6, 12, 20])
+def test_a_hand_that_stirs_a_held_joint_before_it_breaks_loose_is_no_slip(counts):
+    law = CompensationLaw([replace(small_model(), uncertainty=0.01)])
+    drive_along(law, np.zeros(500), direction=0)
+    stirred = counts * COUNT * np.clip((np.arange(760) - 500) / 60.0, 0.0, 1.0)
+    drive_along(law, stirred, begin=500)
+    drive_along(law, stirred[-1] + np.linspace(0.0, 4e-3, 130), begin=1260)
+    assert law.guards['taken back'][0] == 0.0
+
+
 @pytest.mark.parametrize('backlash', [None, 3e-3])
 def test_a_motor_that_moves_through_known_backlash_has_not_slipped(backlash):
     model = replace(small_model(), presliding=Presliding(3e-4, std=3e-5, backlash=backlash))

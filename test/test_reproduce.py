@@ -43,7 +43,7 @@ def test_whole_tool(tmp_path, monkeypatch):
         assert peaks['kinetic'] == pytest.approx(experiment.peak_kinetic, rel=0.05)
         assert abs(reductions['paper'] - experiment.reduction) < 0.15
         friction = peaks['none'] - peaks['inertia']
-        assert peaks['none'] - peaks['continuous'] >= 0.7 * friction
+        assert peaks['none'] - peaks['continuous'] >= 0.8 * friction
         assert peaks['inertia'] < peaks['continuous'] < peaks['kinetic']
         assert peaks['paper'] < peaks['kinetic']
         assert peaks['kinetic'] < peaks['none']
@@ -53,6 +53,6 @@ def test_whole_tool(tmp_path, monkeypatch):
         for name, value in quoted['peak_torque'].items():
             # What a law leaves is a small difference: 0.5 % of friction is 7 % of it.
             assert peaks[name] == pytest.approx(
-                value, rel=0.2, abs=max(0.02, 0.01 * peaks['none'])), name
+                value, rel=0.05, abs=max(0.02, 0.01 * peaks['none'])), name
         for name, value in quoted['peak_reduction'].items():
-            assert reductions[name] == pytest.approx(value, abs=0.15), name
+            assert reductions[name] == pytest.approx(value, abs=0.03), name

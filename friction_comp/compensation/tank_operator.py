@@ -118,14 +118,17 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         if p.slip < moved < MOVED and not is_pushed:
             s.trust *= LATER
         s.trusted, s.farthest = s.trust, s.position
-        # Help goes on from what it was in motion, which is a smaller part of breakaway friction.
-        # A gear that sprang back got none for that.
-        at_rest = s.trust * p.share * (p.break_positive if s.z > 0.0 else p.break_negative)
-        s.z = math.copysign(min(abs(s.z), abs(s.friction) / (at_rest + 1e-9)), s.z)
         # Within the slip distance a joint that creeps has not left its position of rest.
-        if abs(s.position - s.rest_position) > p.slip:
+        left = abs(s.position - s.rest_position) > p.slip
+        if left:
             s.rest_position = s.position
-    if s.mode != LEADING and aim != 0.0 and abs(aim - s.z) > 0.02:
+        if left or s.friction == 0.0:
+            # Help goes on from what it was in motion, which is a smaller part of breakaway
+            # friction. A gear that sprang back got none for that.
+            at_rest = s.trust * p.share * (p.break_positive if s.z > 0.0 else p.break_negative)
+            s.z = math.copysign(min(abs(s.z), abs(s.friction) / (at_rest + 1e-9)), s.z)
+    # Where displacement has led z beyond its aim, help only decreases, which moves no joint.
+    if s.mode != LEADING and (aim - s.z) * aim > 0.02 * abs(aim):
         s.mode, s.begin, s.since, s.still_time = LEADING, s.position, 0.0, 0.0
         # A joint yields twice as far from one preload to the other as from none.
         s.yields = p.slip * max(1.0, abs(aim - s.z))
