@@ -157,6 +157,23 @@ def test_arrays_follow_the_joints_of_the_reference_where_they_are_fewer(tmp_path
     assert any('fits no list of joints' in note for note in info.notes)
 
 
+@pytest.mark.parametrize(('reported', 'values'), [
+    ('elbow', [1]), ('elbow, shoulder', [1, -1]), ('shoulder, elbow', [-1, 1])])
+def test_arrays_follow_the_joints_that_the_compensator_reports(tmp_path, reported, values):
+    kind = 'diagnostic_msgs/msg/DiagnosticArray'
+    status = T['diagnostic_msgs/msg/DiagnosticStatus'](
+        0, 'compensator: law', 'active', reported, [])
+    messages = [*states(names=('shoulder', 'elbow')),
+                ('/diagnostics', 1, (kind, T[kind](header(1), [status])))]
+    for k in range(50):
+        receive = 5_000_000_000 + k * 1_000_000
+        messages += [('/direction', receive, array(INT8_ARRAY, values)),
+                     ('/current_command', receive, array(FLOAT_ARRAY, np.multiply(values, 0.2)))]
+    samples, = read_recording(record(tmp_path / 'r', messages), 'elbow')
+    np.testing.assert_array_equal(samples.direction, np.ones(50))
+    np.testing.assert_allclose(samples.command, 0.2)
+
+
 def test_joint_names_may_change_their_order(tmp_path):
     messages = []
     for k in range(40):

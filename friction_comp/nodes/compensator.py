@@ -127,7 +127,8 @@ class ConfiguredCompensator(CompensationLoop):
             self._warn_unusual()
         if names & {'law', 'breakaway_gain', 'current_limit'}:
             self.retune(*self._tuning())
-            logger.info('{}, breakaway_gain {:g}, current_limit {:g} A'.format(*self._tuning()))
+            logger.info("{}, breakaway_gain {:g}, at most {:g} A or the drive's limit".format(
+                *self._tuning()))
 
     def _warn_unusual(self) -> None:
         logger = self._node.get_logger()

@@ -52,7 +52,7 @@ class ActivityLog:
             if 'identification' in status.name:
                 # The node reports a phase only while it moves a joint.
                 if any(item.key == 'phase' for item in status.values):
-                    self._append(Activity(time, 'identification', '', ''))
+                    self._append(Activity(time, 'identification', '', '', status.hardware_id))
                 elif self.changes and self.changes[-1].state == 'identification':
                     self._append(Activity(time, '', '', ''))
             elif (activity := compensator_activity(status, time)) is not None:

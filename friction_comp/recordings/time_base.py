@@ -193,8 +193,10 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
                     notes.append(f'{track.topic}: has gaps, begins later or ends earlier than the '
                                  f'joint states: {name} is not known at '
                                  f'{np.count_nonzero(np.isnan(signals[name]))} of them')
-    # Arrays have no joint names: their order is that of the reference, or of the joint states.
-    order = [*(track.names for track in scan.of('reference')), joints]
+    # Arrays have no joint names: their order is what the node that commands reports, else that of
+    # the reference, else that of the joint states.
+    order = [*(report.joints.split(', ') for report in scan.activity if report.joints),
+             *(track.names for track in scan.of('reference')), joints]
     command = _find_array(scan.of('current_command'), joint, order, notes, torque_per_current)
     if command is not None:
         signals['command'] = base.hold(*command)
@@ -239,7 +241,9 @@ def _find_joint(tracks: list[Track], joint: str, joints: list[str],
             notes.append(f'{tracks[0].topic} of {name!r} is taken to be that of {joint!r}')
         return tracks[0], values
     if tracks:
-        notes.append(f'{tracks[0].topic} has no values of joint {joint!r}')
+        named = ', '.join(repr(name) for name in tracks[0].values)
+        notes.append(f'{tracks[0].topic} is of {named}, not of joint {joint!r}: its frame_id or '
+                     'names say of which joint it is')
     return None
 
 
