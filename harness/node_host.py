@@ -27,7 +27,7 @@ import friction_comp.nodes.identification
 import friction_comp.nodes.plant
 import friction_comp.nodes.recorder
 import friction_comp.nodes.refinement  # noqa: F401
-from friction_comp.ros import diagnostics
+from friction_comp.ros import node_parts
 
 
 def load_once():
@@ -48,7 +48,7 @@ def become(name, arguments, folder, output, environment, period, whole):
     It reports on /diagnostics every `period` s. At a `whole` end, the interpreter takes all apart
     that it has imported, which takes longer than many a test.
     """
-    diagnostics.PERIOD = period
+    node_parts.PERIOD = period
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)

@@ -147,7 +147,7 @@ OPENING = {'open', 'read_text', 'read_bytes', 'write_text', 'write_bytes', 'File
            'whosmat', 'TemporaryDirectory', 'NamedTemporaryFile', 'mkstemp', 'mkdtemp'}
 OPENERS = {
     'arm/urdf.py', 'demo/processes.py', 'demo/ros_domain.py', 'files.py', 'recordings/storage.py',
-    'reports/html.py', 'results.py', 'ros/output.py', 'ros/parameters.py', 'ros/ros_start.py',
+    'reports/html.py', 'results.py', 'ros/node_parts.py', 'ros/ros_start.py',
     'tables/table_files.py', 'terminal.py', 'tools/common.py', 'tools/refine_each.py',
     'tools/reproduce.py'}
 

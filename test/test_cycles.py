@@ -8,13 +8,13 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import lfilter, lsim
+from scipy.signal import lsim
 
 from friction_comp.identification import cycles as twice
 from friction_comp.identification.curves import fit_sigmoid
 from friction_comp.identification.cycles import KineticPoint, steadiest_inertia
 from friction_comp.identification.goal import cycle_state, IdentificationError
-from friction_comp.identification.identified import (
+from friction_comp.identification.run import (
     curve_misfit,
     doubts_of_curve,
     doubts_of_cycles,
@@ -95,7 +95,7 @@ def test_friction_that_falls_while_it_is_measured_is_named_and_that_of_the_end_g
     truth = np.array([np.sign(p.speed) * warming(abs(p.speed), 0.0, again[-1].time)
                       for p in points])
     np.testing.assert_allclose([p.current for p in points], truth, rtol=0.015)
-    [words] = doubts_of_cycles(first, again, None, drift)
+    [words] = doubts_of_cycles(first, None, drift)
     expected = warming(1.6, 0.0, again[-1].time) / warming(1.6, 0.0, first[-1].time) - 1.0
     assert drift[1.6] == pytest.approx(expected, abs=0.005)
     assert f'{drift[1.6]:+.1%} at 1.6 rad/s' in words
@@ -108,7 +108,7 @@ def test_friction_that_stays_is_what_was_measured_first():
     points, drift = twice.without_drift(first, again)
     assert points == points_of(first)
     assert not drift
-    assert not doubts_of_cycles(first, again, None, drift)
+    assert not doubts_of_cycles(first, None, drift)
     assert not doubts_of_positions(first, twice.position_slopes(first))
     assert uncertainty_of(first, again, 0.0) < 0.02
     assert uncertainty_of(first, again, 0.03) == pytest.approx(0.06, rel=0.1)
@@ -146,7 +146,7 @@ def test_what_rises_over_position_is_named_and_a_ripple_is_not(friction, load, w
     (lambda i: 0.9 * i, '0.90 times the commanded'), (lambda i: i + 0.1, 'has an offset'),
     (lambda i: i * (1.0 + 0.5 * np.sin(np.arange(len(i)))), 'the current varies by')])
 def test_a_sensor_or_a_current_that_is_not_the_commanded_one_is_said(sensor, words):
-    [said] = doubts_of_cycles(cycles(plain, sensor=sensor), [], None, {})
+    [said] = doubts_of_cycles(cycles(plain, sensor=sensor), None, {})
     assert words in said
 
 
@@ -204,7 +204,7 @@ def swinging(hertz=60.0, link_share=0.35, damping=0.1, noise=2e-3):
 
 
 def said_of(inertia):
-    return ' '.join(doubts_of_cycles(cycles(plain, speeds=SPEEDS[:1]), [], inertia, {}))
+    return ' '.join(doubts_of_cycles(cycles(plain, speeds=SPEEDS[:1]), inertia, {}))
 
 
 @pytest.mark.parametrize('link_share', [0.2, 0.5])
@@ -226,18 +226,7 @@ def test_nothing_is_said_of_a_rigid_joint_and_two_speeds_are_enough(noise):
     for count in (2, 3, 7):
         found = steadiest_inertia(done[-count:])
         assert found.acceleration_per_current == pytest.approx(RATE, rel=0.03)
-        assert found.lag == 0.0
         assert not said_of(found)
-
-
-@pytest.mark.parametrize('lag', [0.01, 0.03, 0.05])
-def test_a_current_that_is_measured_behind_a_low_pass_is_recognised(lag):
-    share = -math.expm1(-1e-3 / lag)
-    late = [np.column_stack([*rows.T[:2], lfilter([share], [1.0, share - 1.0], rows[:, 2])])
-            for rows in swinging()]
-    found = steadiest_inertia(late)
-    assert found.acceleration_per_current == pytest.approx(RATE, rel=0.03)
-    assert found.lag == pytest.approx(lag, abs=2e-3)
 
 
 @pytest.mark.parametrize('counts', [700, 1200])
@@ -251,4 +240,3 @@ def test_counts_of_an_encoder_and_what_the_controller_makes_of_them_do_not_bias_
         done.append(np.column_stack([time, counted, current - 0.3 * wrong]))
     found = steadiest_inertia(done)
     assert found.acceleration_per_current == pytest.approx(RATE, rel=0.04)
-    assert found.lag == 0.0

@@ -14,7 +14,7 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
-from friction_comp.identification.supervision import Supervision
+from friction_comp.identification.supervised_run import Supervision
 from friction_comp.simulation.joint import Plant
 
 # s; what is decided within milliseconds has twice as many samples

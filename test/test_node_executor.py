@@ -16,7 +16,7 @@ from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
 from friction_comp.errors import InputError
-from friction_comp.ros.executor import StreamExecutor
+from friction_comp.ros.node_main import StreamExecutor
 
 
 class Listener(Node):

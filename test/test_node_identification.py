@@ -22,13 +22,12 @@ import yaml
 
 from friction_comp.control.joint_states import AGAIN, JointStateInput, NEW, STALE
 from friction_comp.errors import InputError
-from friction_comp.identification.carried import Carried
-from friction_comp.identification.goal import GOAL_LIMITS, IdentificationGoal
+from friction_comp.identification.goal import Carried, GOAL_LIMITS, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.identification import identification_goal, IdentificationNode, RunningGoal
-from friction_comp.ros.parameters import described
+from friction_comp.ros.node_parts import described
 from friction_comp.simulation.joint import Plant
 
 # A name with slashes, as of an arm in a namespace, must not name another folder.

@@ -31,8 +31,8 @@ from friction_comp.nodes.compensator import CompensatorNode
 from friction_comp.nodes.identification import trajectory_goal
 from friction_comp.recordings import read_recording
 from friction_comp.ros import tool_client
-from friction_comp.ros.executor import yield_to_executor
 from friction_comp.ros.joint_io import command_unit
+from friction_comp.ros.node_main import yield_to_executor
 from friction_comp.ros.tool_client import message_of
 from friction_comp.topics import TORQUE_UNIT
 

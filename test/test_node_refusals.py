@@ -21,7 +21,7 @@ from friction_comp.nodes.identification import IdentificationNode
 from friction_comp.nodes.plant import PlantNode
 from friction_comp.nodes.recorder import RecorderNode
 from friction_comp.nodes.refinement import RefinementNode
-from friction_comp.ros.parameters import described
+from friction_comp.ros.node_parts import described
 
 ONE = {'joints': ['elbow'], 'model_files': MODELS[:1]}
 ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: ghost}]\n'

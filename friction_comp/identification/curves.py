@@ -3,18 +3,14 @@
 """Fits friction curves to tables of speeds and mean currents.
 
 **Eq. 6** is fitted to an identification's look-up table by the L1 error of Eq. 7. For a given
-steepness and shift of the transition it is linear in the other parameters, which reweighted least
-squares find. So only these two are searched: on a grid with transitions around every point of the
-table, then closer around the best ones. If the transition is steeper than the table resolves, all
-within a gap fit equally well. The one returned is centred as near to zero as the error allows, and
-as gentle, but ends at the lowest speed, or at 5 deg/s: friction below the table is that at its
-lowest speeds. Friction reverses at rest: a centre beyond a quarter of the lowest speed needs more
-evidence than noise.
+steepness and shift of the transition it is linear in the rest, which reweighted least squares find:
+only these two are searched. A transition that the table does not resolve is centred as near to zero
+as the error allows, and as gentle, but ends at the lowest speed, or at 5 deg/s. Friction reverses
+at rest: a centre beyond a quarter of the lowest speed needs more evidence than noise.
 
-**A table of steady states**, measured elsewhere, gets offset, Coulomb and viscous friction. Viscous
-friction that differs between the directions and Stribeck friction are added where they lower
-Akaike's criterion for small samples (Hurvich and Tsai 1989). Intervals are Student's, from the
-scatter about the curve.
+**A table of steady states** gets offset, Coulomb and viscous friction, and what lowers Akaike's
+criterion for small samples (Hurvich and Tsai 1989): viscous friction that differs between the
+directions, and Stribeck friction. Intervals are Student's, from the scatter about the curve.
 """
 
 from __future__ import annotations
@@ -43,9 +39,9 @@ _TOLERANCE, _CENTRED = 3e-4, 0.1
 # that end in units of one over the steepness. So few points leave the transition open.
 _ENDS, _ENDED, _FEW = math.radians(5.0), 2.0 * math.atanh(0.98), 6
 # Rounds of reweighting, to rank transitions and to compare the best ones; rounds of the closer
-# search, each with steps of this share of those before.
-_RANK, _CLOSE, _ROUNDS, _CLOSER = 8, 30, 14, 0.6
-_STEPS = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=2)))
+# search, whose steps are halved where none is better.
+_RANK, _CLOSE, _ROUNDS = 8, 30, 40
+_STEPS = np.array(list(itertools.product((0.0, -1.0, 1.0), repeat=2)))
 # Of steady states: steepness of the sign change, in units of one over the slowest speed; scatter
 # that is rounding, in units of the largest current; fewest pairs of neighbouring speeds that show
 # the form of the errors, and errors too small to matter, in units of the current.
@@ -123,7 +119,7 @@ def _search(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     errors = _fit(x, y, np.tile(steepness, len(shift)), shift.ravel(), _RANK)[0]
     order = np.argsort(errors.reshape(shift.shape), axis=0)[:2]
     now = np.column_stack([np.tile(steepness, 2), np.take_along_axis(shift, order, 0).ravel()])
-    reach = 1.0
+    reach = np.ones((len(now), 1))
     for _ in range(_ROUNDS):
         trial = np.stack([
             np.clip(now[:, :1] * np.exp(reach * _STEPS[:, 0]), 0.5, steepest),
@@ -131,19 +127,11 @@ def _search(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
         tried = _fit(x, y, trial[..., 0].ravel(), trial[..., 1].ravel(), _CLOSE)[0].reshape(
             trial.shape[:2])
         best = np.argmin(tried, axis=1)
+        reach[best == 0] *= 0.5
         # Half of the starts are continued, until a few are left.
         few = np.argsort(tried.min(axis=1))[:max(6, len(now) // 2)]
-        now = trial[few, best[few]]
-        reach *= _CLOSER
-
-    def at(point: np.ndarray) -> float:
-        k = np.clip(now[:1, 0] * np.exp(point[0]), 0.5, steepest)
-        return float(_fit(x, y, k, now[0, 1] + point[1] / k, _CLOSE)[0][0])
-    # Along a valley, finer than the rounds.
-    moved = optimize.minimize(at, np.zeros(2), method='Nelder-Mead', options={
-        'fatol': 1e-12, 'initial_simplex': 0.1 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])}).x
-    best = float(np.clip(now[0, 0] * np.exp(moved[0]), 0.5, steepest))
-    return best, float(now[0, 1] + moved[1] / best)
+        now, reach = trial[few, best[few]], reach[few]
+    return float(now[0, 0]), float(now[0, 1])
 
 
 def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float, ends: float

@@ -5,13 +5,10 @@
 Speeds rise while they are driven, so that time and speed would be mistaken for each other on a
 drive that warms up: some speeds are driven once more at the end, and must agree.
 
-For inertia, as acceleration per current, currents, speeds and accelerations of a cycle pass the
-same filter before they are compared, so that none is rounded more than another at the corners of
-the profile. Of each, only what follows the profile counts: an encoder's counts are in the
-acceleration, and through the velocity controller in the current as well, so that least squares on
-what was measured would find another inertia (two stages, with the profile as the instrument). A
-current or a position that is measured behind a low pass is late: the time constant by which its own
-slope makes up for that is found with inertia.
+For inertia, as acceleration per current, only what follows the profile counts: an encoder's counts
+are in the acceleration, and through the velocity controller in the current as well, so that least
+squares on what was measured would find another inertia (two stages, with the profile as the
+instrument).
 """
 
 from __future__ import annotations
@@ -50,10 +47,6 @@ _SMOOTHING, _PASSES, _FAST = 0.008, 3, 0.5
 # motion follows it, s: velocity controllers of 10 to 100 rad/s.
 _SHARES, _SPEEDS = (0.0, 0.1, 0.4, 0.6, 0.9, 1.0), (0.0, 1.0, 1.0, -1.0, -1.0, 0.0)
 _FOLLOWS = (0.0, 0.03, 0.1)
-# Lags that are compared, s, of the current, and of the position below zero: no joint is moved with
-# later ones, and one at the end only makes up for something else. One is taken from this size on,
-# if it leaves at most this share of what none leaves unexplained.
-_LAGS, _LAG, _LESS = np.linspace(-0.06, 0.06, 121), 0.005, 0.5
 # Inertia must explain this share, and of other speeds this one to be compared.
 _EXPLAINED, _COMPARED = 0.8, 0.5
 
@@ -77,14 +70,10 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
     """Average the current over the phases of one cycle of Eq. 3 at +ω_c and at -ω_c.
 
     Time in s since the beginning of the cycle, position in rad and measured current in A, each
-    (N,). The small current that still accelerates the joint, by `acceleration_per_current`
-    (k_t·n/J, rad/s² per A), is subtracted from the mean.
-
-    Currents, speeds and positions are averaged with weights that vanish at both ends of a phase,
-    s²·(1 - s)² of its share s. The second derivative of a fitted parabola is the mean acceleration
-    with just these weights, so that a controller that still settles does not matter; and friction
-    that varies over position averages out without a whole number of its periods. Raises InputError
-    if a phase has too few samples.
+    (N,). The current that still accelerates the joint (k_t·n/J, rad/s² per A) is subtracted. The
+    weights s²·(1 - s)² of a phase's share s are those with which the second derivative of a fitted
+    parabola is the mean acceleration, and friction that varies over position averages out. Raises
+    InputError if a phase has too few samples.
     """
     time, position, current = (
         np.asarray(values, dtype=float) for values in (time, position, current))
@@ -124,24 +113,21 @@ class Cycle:
 
     @classmethod
     def measured(cls, begin: float, duration: float, speed: float, samples: np.ndarray,
-                 commands: np.ndarray, acceleration: float, lag: float = 0.0,
-                 gain: float = 1.0) -> Cycle:
+                 commands: np.ndarray, acceleration: float, gain: float = 1.0) -> Cycle:
         """Return the cycle that begins at a time in s, from samples and commands as above.
 
-        `acceleration` is per current, rad/s² per A, `lag` that of the current in s. InputError if a
-        phase has too few samples.
+        `acceleration` is per current, rad/s² per A. InputError if a phase has too few samples.
         """
-        level = without_lag(samples, lag)
-        time, position, current = level[np.isfinite(level[:, 2])].T
+        time, position, current = samples[np.isfinite(samples[:, 2])].T
         points, commanded = (
             constant_velocity_currents(t - begin, x, i, speed, duration, acceleration)
             for t, x, i in ((time, position, current), (*samples.T[:2], commands)))
         return cls(begin, duration, points, commanded, samples, commands, gain)
 
-    def again(self, acceleration: float, lag: float) -> Cycle:
-        """Return this cycle, measured with what is known of inertia and lag at the end."""
+    def again(self, acceleration: float) -> Cycle:
+        """Return this cycle, measured with what is known of inertia at the end."""
         return self.measured(self.begin, self.duration, self.speed, self.samples, self.commands,
-                             acceleration, lag, self.gain)
+                             acceleration, self.gain)
 
     @property
     def speed(self) -> float:
@@ -258,14 +244,9 @@ def without_drift(first: Sequence[Cycle], again: Sequence[Cycle]
 # Inertia.
 
 class Inertia(NamedTuple):
-    """What cycles tell of inertia.
-
-    `lag` is the time constant in s of the low pass through which the measured current follows the
-    motion; if it is negative, the measured position follows the current.
-    """
+    """What cycles tell of inertia."""
 
     acceleration_per_current: float     # k_t·n/J, rad/s² per A
-    lag: float
     unexplained: float = 0.0            # share of the variance that follows the profile
     differs: float = 0.0                # from that of cycles at other speeds, at most, as a share
 
@@ -275,40 +256,26 @@ def steadiest_inertia(cycles: Sequence[np.ndarray]) -> Inertia | None:
 
     At a given speed and direction, friction is the same whether the joint accelerates or
     decelerates: the difference is due to inertia. Faster cycles have larger accelerations, which
-    noise hides less; but an elastic or heavy link swings after them, and the motor then accelerates
-    less than all links, or more. `cycles` of Eq. 3 are those of all speeds, the lowest first, as
-    rows of s, rad and A, each of shape (N, 3); the slowest third, near presliding, is left out
-    where there are enough. None if inertia is too small a part of the current.
+    noise hides less; but an elastic or heavy link swings after them. `cycles` of Eq. 3 are those of
+    all speeds, the lowest first, as rows of s, rad and A, each of shape (N, 3); the slowest third,
+    near presliding, is left out where there are enough. None if inertia is too small a part of the
+    current.
     """
     own = [_products(cycle) for cycle in cycles]
     last = max(len(own) - _CYCLES, 0)
-    together = [np.array(own[k:k + _CYCLES])
-                for k in range(min(len(own) // 3, last), last + 1)]
-    # A sensor is late at every speed, what swings is so at some.
-    lag = sorted(map(_lag_of, together), key=abs)[(len(together) - 1) // 2]
-    found = [one for few in together if (one := _explained(few, lag))[0] > 0.0]
+    found = [one for k in range(min(len(own) // 3, last), last + 1)
+             if (one := _explained(own[k:k + _CYCLES]))[0] > 0.0]
     best, unexplained = min(found, key=lambda one: one[1], default=(0.0, 1.0))
     if unexplained > 1.0 - _EXPLAINED:
         return None
-    return Inertia(1.0 / best, lag, unexplained, max(
+    return Inertia(1.0 / best, unexplained, max(
         abs(math.log(one / best)) for one, left in found if left <= _COMPARED))
 
 
-def without_lag(samples: np.ndarray, lag: float) -> np.ndarray:
-    """Return rows of s, rad and A whose current is as late as the position, shape (N, 3)."""
-    if not lag:
-        return samples
-    time, position, current = samples.T
-    known = np.isfinite(current)
-    return np.column_stack([
-        time, position, np.interp(time + lag, time[known], current[known])])
-
-
 def _products(cycle: np.ndarray) -> np.ndarray:
-    """Return products of speed, acceleration, its slope, current, and its slope, (2, 5, 5).
+    """Return products of speed, acceleration and current that follow the profile, (3, 3).
 
-    The first are those of what follows the profile, the others of all; without Coulomb friction,
-    which is that of this cycle in either direction.
+    They are without Coulomb friction, which is that of this cycle in either direction.
     """
     time, position, current = cycle[np.isfinite(cycle[:, 2])].T
     duration = time[-1] - time[0]
@@ -316,51 +283,29 @@ def _products(cycle: np.ndarray) -> np.ndarray:
     step = float(even[1] - even[0])
     speed = np.interp((even - time[0]) / duration, _SHARES, _SPEEDS)
     profile = np.column_stack([speed, np.gradient(speed, step)])
+    # All pass the same filter, so that none is rounded more at the corners of the profile.
     signals = np.column_stack([
         np.interp(even, time, position), np.interp(even, time, current),
         *(_late(profile, lag, step) for lag in _FOLLOWS)])
     for _ in range(_PASSES):
         signals = uniform_filter1d(
             signals, max(int(_SMOOTHING * duration / step), 3), axis=0, mode='nearest')
-    speed, slope = (np.gradient(signals[:, k], step) for k in range(2))
-    acceleration = np.gradient(speed, step)
+    speed = np.gradient(signals[:, 0], step)
     chosen = np.abs(speed) > _FAST * float(np.max(np.abs(speed)))
+    columns = np.column_stack([speed, np.gradient(speed, step), signals[:, 1]])[chosen]
     sides = np.column_stack([speed > 0.0, speed < 0.0]).astype(float)[chosen]
-    columns = np.column_stack([speed, acceleration, np.gradient(acceleration, step),
-                               signals[:, 1], slope])[chosen]
-    basis = orth(np.column_stack([sides, signals[chosen, 2:]]))
-    sides = orth(sides)
-    products = []
-    for values in (basis @ (basis.T @ columns), columns):
-        rest = values - sides @ (sides.T @ values)
-        products.append(step * rest.T @ rest)
-    return np.array(products)
+    basis, sides = orth(np.column_stack([sides, signals[chosen, 2:]])), orth(sides)
+    follows = basis @ (basis.T @ columns)
+    rest = follows - sides @ (sides.T @ follows)
+    return np.asarray(step * rest.T @ rest)
 
 
-def _lag_of(products: np.ndarray) -> float:
-    """Return the lag in s with which the current explains the acceleration best; 0 if none does."""
-    # In all variance, counts of an encoder seem late, and in what follows the profile, a link that
-    # swings; a sensor is late in both.
-    left = np.max([[_explained(products[:, [kind]], lag)[1] for lag in _LAGS] / np.maximum(
-        _explained(products[:, [kind]], 0.0)[1], 1e-12) for kind in (0, 1)], axis=0)
-    best = int(np.argmin(left))
-    lag = float(_LAGS[best])
-    taken = left[best] < _LESS and abs(lag) >= _LAG and 0 < best < len(_LAGS) - 1
-    return lag if taken else 0.0
-
-
-def _explained(products: np.ndarray, lag: float) -> tuple[float, float]:
+def _explained(products: Sequence[np.ndarray]) -> tuple[float, float]:
     """Return current per acceleration, A per rad/s², and the share of variance that it leaves.
 
-    `products` are those of some cycles, (K, 2, 5, 5), each with its own viscous friction.
+    `products` are those of some cycles, each with its own viscous friction.
     """
-    late, early = max(lag, 0.0), max(-lag, 0.0)
-    signals = np.array([[1.0, early, 0.0, 0.0, 0.0], [0.0, 1.0, early, 0.0, 0.0],
-                        [0.0, 0.0, 0.0, 1.0, late]])
-    sums = np.zeros((2, 2))
-    for own in products[:, 0]:
-        all_of = signals @ own @ signals.T
-        sums += all_of[1:, 1:] - np.outer(all_of[1:, 0], all_of[0, 1:]) / all_of[0, 0]
+    sums = sum(own[1:, 1:] - np.outer(own[1:, 0], own[0, 1:]) / own[0, 0] for own in products)
     per = float(sums[0, 1] / max(sums[0, 0], 1e-300))
     return per, float(sums[1, 1] - per * sums[0, 1]) / max(float(sums[1, 1]), 1e-300)
 

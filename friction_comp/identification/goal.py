@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a joint may be asked to do: an identification, in cycles of Eq. 3, or a trajectory."""
+"""What a joint may be asked to do, and what carries joints meanwhile, by their models."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ import numpy as np
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.model.effects.base import CARRIES, Effect, LiveTerm
+from friction_comp.model.friction_model import FrictionModel
 
 GOAL_LIMITS = {
     'speeds': (1e-3, 10.0, 'rad/s'), 'motion_range': (1e-3, 100.0, 'rad'),
@@ -24,11 +26,11 @@ GOAL_LIMITS = {
 # Share of the motion range that the profiles use: the rest is a margin for control errors; shortest
 # phase of constant velocity, s; most speeds; longest trajectory, s.
 _USED_SHARE, _SHORTEST, _MOST_SPEEDS, _LONGEST = 0.9, 0.12, 1000, 3600.0
-
-
 SETTLING, FEWEST = 0.25, 6
 """Time in s at the beginning of a constant-velocity phase that is not used, and fewest samples of
 the rest for an average."""
+GRAVITY = ('feed_forward', 'left_to_robot')
+"""Who carries the limb's weight: the node's currents, or the robot's own controller."""
 
 
 class IdentificationError(InputError):
@@ -49,20 +51,17 @@ def cycle_state(time: float, speed: float, cycle_time: float) -> tuple[float, fl
     prints ``0.9 < t``.
     """
     share = time / cycle_time
-    if share <= 0.0 or share >= 1.0:
+    if not 0.0 < share < 1.0:
         return 0.0, 0.0
+    # The second half is the first one backwards in time.
+    forth, share = (1.0, share) if share <= 0.5 else (-1.0, 1.0 - share)
     if share <= 0.1:
         moved, slope = 5.0 * share * share, 10.0 * share
     elif share <= 0.4:
         moved, slope = share - 0.05, 1.0
-    elif share <= 0.6:
-        since = share - 0.4
-        moved, slope = 0.35 + since - 5.0 * since * since, 1.0 - 10.0 * since
-    elif share <= 0.9:
-        moved, slope = 0.95 - share, -1.0
     else:
-        moved, slope = 5.0 * (1.0 - share) ** 2, -10.0 * (1.0 - share)
-    return speed * cycle_time * moved, speed * slope
+        moved, slope = 0.4 - 5.0 * (0.5 - share) ** 2, 10.0 * (0.5 - share)
+    return speed * cycle_time * moved, forth * speed * slope
 
 
 def constant_velocity_windows(cycle_time: float, settling: float = 0.0
@@ -88,7 +87,7 @@ class MotionGoal(ABC):
     @property
     def ramp_peak(self) -> float | None:
         """Largest current in A that the ramps of Eq. 8 reach, 0.4·s·T; None without a slope."""
-        return None if self.ramp_slope is None else 0.4 * self.ramp_slope * self.ramp_period
+        return self.ramp_slope and 0.4 * self.ramp_slope * self.ramp_period
 
     def check(self, drive: Drive, torque: bool = False) -> None:
         """Raise InputError if the drive cannot meet the goal; with `torque`, texts have N·m."""
@@ -101,37 +100,18 @@ class MotionGoal(ABC):
 
 @dataclass(frozen=True)
 class IdentificationGoal(MotionGoal):
-    """Speeds, range and ramps of one identification.
+    """Speeds, range and ramps of one identification; InputError if an entry is unusable.
 
-    Parameters
-    ----------
-    speeds : sequence of float
-        Constant velocities ω_c in rad/s, at least two different magnitudes, each driven in both
-        directions.
-    motion_range : float
-        Width in rad of the range, centred on the position at the start, that the joint may use.
-    ramp_slope : float, optional
-        Slope s of Eq. 8 in A/s. None: a current that grows towards the drive's limit breaks the
-        joint free first, and ramps reach what that took within 1.2 s.
-    ramp_period : float
-        T of Eq. 8 in s.
-    breakaway_cycles : int
-        Ramps per direction.
-    longest_cycle : float
-        Longest duration of a cycle in s: low speeds then use only a part of the range.
-
-    Raises
-    ------
-    InputError
-        If an entry is unusable.
+    Without a slope, a current that grows towards the drive's limit breaks the joint free first, and
+    ramps reach what that took within 1.2 s.
     """
 
-    speeds: Sequence[float]
-    motion_range: float = 1.0
-    ramp_slope: float | None = None
-    ramp_period: float = 10.0
-    breakaway_cycles: int = 20
-    longest_cycle: float = 20.0
+    speeds: Sequence[float]     # ω_c, two magnitudes or more, each driven both ways, rad/s
+    motion_range: float = 1.0   # width about the start that the joint may use, rad
+    ramp_slope: float | None = None     # s of Eq. 8, A/s
+    ramp_period: float = 10.0   # T of Eq. 8, s
+    breakaway_cycles: int = 20  # ramps per direction
+    longest_cycle: float = 20.0     # s: low speeds then use only a part of the range
 
     def __post_init__(self) -> None:
         try:
@@ -164,11 +144,10 @@ class IdentificationGoal(MotionGoal):
         # `constant_velocity_windows`.
         needed = 1.2 * FEWEST * step
         shortest = max(_SHORTEST / 0.3, min(needed / 0.12, (needed + SETTLING) / 0.3))
-        if duration >= shortest:
-            return ''
-        wider = self.motion_range * shortest / duration
-        return (f'within {width:.2g} rad, {speed:g} rad/s is over too soon for states at '
-                f'{1.0 / step:.0f} Hz: widen motion_range to {wider + 0.005:.2f} rad')
+        return '' if duration >= shortest else (
+            f'within {width:.2g} rad, {speed:g} rad/s is over too soon for states at '
+            f'{1.0 / step:.0f} Hz: widen motion_range to '
+            f'{self.motion_range * shortest / duration + 0.005:.2f} rad')
 
 
 @dataclass(frozen=True)
@@ -187,25 +166,24 @@ class TrajectoryGoal(MotionGoal):
     speeds: Sequence[float] = field(init=False)     # a low one for travel, and the highest
 
     def __post_init__(self) -> None:
-        sizes = {len(self.times), len(self.positions), len(self.velocities)}
-        if len(sizes) > 1 or len(self.times) < 2:
+        points = self.times, self.positions, self.velocities
+        if len({*map(len, points)}) > 1 or len(self.times) < 2:
             raise InputError('a trajectory needs at least two points, each with position and '
                              'velocity')
-        if not np.isfinite([*self.times, *self.positions, *self.velocities]).all():
-            raise InputError('the trajectory contains a number that is not finite')
-        if not (np.diff(self.times) > 0.0).all() or self.times[0] < 0.0:
-            raise InputError('the times of the trajectory do not ascend')
-        if self.times[-1] > _LONGEST:
-            raise InputError(f'the trajectory takes {self.times[-1]:.4g} s; the limit is '
-                             f'{_LONGEST:g} s')
-        if any(abs(end) > 1e-6 for end in (self.velocities[0], self.velocities[-1])):
-            raise InputError('the trajectory does not begin and end at rest')
+        for holds, text in (
+                (np.isfinite(points).all(), 'contains a number that is not finite'),
+                ((np.diff(self.times) > 0.0).all() and self.times[0] >= 0.0,
+                 'has times that do not ascend'),
+                (self.times[-1] <= _LONGEST, f'takes longer than {_LONGEST:g} s'),
+                (max(abs(self.velocities[0]), abs(self.velocities[-1])) <= 1e-6,
+                 'does not begin and end at rest'),
+                (np.ptp(self.positions) > 0.0, 'does not move the joint')):
+            if not holds:
+                raise InputError(f'the trajectory {text}')
         object.__setattr__(self, 'motion_range', float(np.ptp(self.positions)))
         top = max(float(np.abs(self.velocities).max()),
                   float(np.abs(np.diff(self.positions) / np.diff(self.times)).max()))
         object.__setattr__(self, 'speeds', (0.3 * top, top))
-        if not self.motion_range > 0.0:
-            raise InputError('the trajectory does not move the joint')
         for name, value in (('motion_range', self.motion_range), ('speeds', top),
                             ('ramp_slope', self.ramp_slope), ('ramp_period', self.ramp_period)):
             if value is not None:
@@ -216,3 +194,42 @@ class TrajectoryGoal(MotionGoal):
         steep = float(np.abs(np.diff(self.velocities) / np.diff(self.times)).max())
         duration = 10.0 * speed / max(steep, 1e-6)
         return duration, 0.4 * speed * duration
+
+
+class Carried:
+    """The currents that carry `joints` at rest by their models: weight, springs, links.
+
+    Whoever moves a joint by its current adds them to the currents of all: what is measured is then
+    friction, and a joint that is not moved stays where it is. Without `weight`, the robot's
+    controller carries the limb's. `effects` are those of each joint that carry it.
+    """
+
+    def __init__(self, joints: Sequence[str], models: Sequence[FrictionModel],
+                 weight: bool = True) -> None:
+        self._joints = list(joints)
+        self._arms = [model.arm for model in models]
+        self.effects: list[list[Effect]] = [[
+            effect for effect in model.effects
+            if effect.role == CARRIES and set(effect.needs) <= {'rigid_body', 'coupling'}
+            and not effect.not_fed_back and (weight or not effect.weight)] for model in models]
+        self._terms = [[LiveTerm(effect) for effect in own] for own in self.effects]
+
+    def at(self, position: np.ndarray) -> np.ndarray:
+        """Return the currents in A, (J,), at the joints' positions in rad, (J,).
+
+        Raises InputError if a joint's depends on a position that is not known.
+        """
+        known = dict(zip(self._joints, position.tolist()))
+        currents = np.zeros(len(self._joints))
+        for j, (joint, arm, terms) in enumerate(zip(self._joints, self._arms, self._terms)):
+            # Friction between joints has the signal of couplings, and is none at rest.
+            signals = {'rigid_body': 0.0, 'coupling': 0.0}
+            if arm is not None and any(term.needs for term in terms):
+                places = np.array([known.get(name, np.nan) for name in arm.joints])
+                signals[arm.signal] = arm.at_rest(places, joint)
+            currents[j] = sum(term.update(0.0, float(position[j]), 0.0, **signals)
+                              for term in terms)
+            if not np.isfinite(currents[j]):
+                raise InputError(
+                    f'what carries {joint} depends on the position of a joint that is not known')
+        return currents

@@ -4,12 +4,9 @@
 
 Ramps pause on stairs of 1 % of the current. In presliding, a joint whose current stays constant
 comes to rest; one that slides goes on, or becomes faster: for friction that falls or rises with
-speed, for every kind of presliding, and for a rotor that slides through backlash until teeth stop
-it.
-
-Along a ramp, a part of the motor's current accelerates the joint, the rest is friction:
-``f = i - a / (k_t·n/J) - c·ω``, without the viscous current c·ω of Eq. 6. A ramp's curve of f over
-displacement ends with the last pause at which the joint rested: there f is the current.
+speed, for every kind of presliding, and for a rotor that slides through backlash. Friction along a
+ramp is ``f = i - a / (k_t·n/J) - c·ω``, without the viscous current c·ω of Eq. 6; its curve over
+displacement ends with the last pause at which the joint rested.
 """
 
 from __future__ import annotations
@@ -67,25 +64,21 @@ _MOST_SCATTER, _CREEPS = 0.05, 1.2
 
 
 class Held(NamedTuple):
-    """A pause during which the joint came to rest: beginning and end in s, position in rad."""
+    """A pause during which the joint came to rest."""
 
-    begin: float
+    begin: float    # s
     end: float
-    position: float
+    position: float     # rad
 
 
 class Ramp(NamedTuple):
-    """One current ramp on which the joint broke away: `samples` are rows of s, rad and A.
-
-    `before` is the direction of the last slide before it, 0 if not known; `held` is the last pause
-    at which the joint came to rest, `pauses` are the times in s at which each began.
-    """
+    """One current ramp on which the joint broke away."""
 
     direction: int
-    before: int
-    samples: np.ndarray
-    held: Held
-    pauses: Sequence[float] = ()
+    before: int     # direction of the last slide before it, 0 if not known
+    samples: np.ndarray     # rows of s, rad and A
+    held: Held      # the last pause at which the joint came to rest
+    pauses: Sequence[float] = ()    # when each began, s
 
     def current(self, begin: float, end: float) -> float:
         """Return the mean measured current between two times in s, A, signed."""
@@ -118,11 +111,10 @@ def risen(share: float, from_rest: bool) -> float:
 
 
 def rests(time: Sequence[float], position: Sequence[float], sign: int, resolution: float) -> bool:
-    """Return whether a joint has come to rest, or nearly so, during a pause.
+    """Return whether a joint has come to rest, or nearly so, during a pause of times in s.
 
-    Time in s and position in rad since its beginning; `sign` is the ramp's direction, `resolution`
-    the angle of an encoder count in rad. The means of thirds are compared, which resolve less than
-    a count.
+    Positions are in rad, `sign` is the ramp's direction, `resolution` an encoder count in rad. The
+    means of thirds are compared, which resolve less than a count.
     """
     share = (np.asarray(time) - time[0]) / (time[-1] - time[0])
     x = sign * (np.asarray(position) - position[0])
@@ -163,10 +155,9 @@ class RampFriction:
     @classmethod
     def of(cls, ramp: Ramp, resolution: float, acceleration_per_current: float,
            viscous: float = 0.0) -> RampFriction:
-        """Separate friction from the current that accelerates the joint, along one ramp.
+        """Separate friction from the current that accelerates the joint (k_t·n/J, rad/s² per A).
 
-        `resolution` is an encoder count in rad, `acceleration_per_current` (k_t·n/J) in rad/s² per
-        A, `viscous` (of Eq. 6) in A·s/rad.
+        `resolution` is an encoder count in rad, `viscous` (of Eq. 6) in A·s/rad.
         """
         known = np.isfinite(ramp.samples[:, 2]) & (ramp.samples[:, 0] <= ramp.held.end)
         time, position, current = ramp.samples[known].T
@@ -195,9 +186,8 @@ class RampFriction:
     def presliding(self, breakaway: float, upturn: int = 0) -> float:
         """Return the displacement in rad at which friction reaches 95 % of this ramp's breakaway.
 
-        Friction varies with position: where it is 4 % lower, 95 % of the mean would only be reached
-        at the flat end. If teeth touch at the index `upturn`, the link's friction begins only after
-        the backlash: it is the part above the tangent at the touch, shifted back by the backlash.
+        If teeth touch at the index `upturn`, the link's friction is the part above the tangent at
+        the touch, shifted back by the backlash.
         """
         moved = np.maximum.accumulate(self.position)
         friction, crossed = self.current, moved[upturn]
@@ -243,13 +233,11 @@ def combined_presliding(ways: np.ndarray, onward: np.ndarray, resolution: float,
                         loose: bool = False) -> tuple[float, float]:
     """Return the presliding distance from those of ramps, rad, (M,), and its standard deviation.
 
-    `onward` tells which ramps follow a slide in their own direction. A Maxwell-slip contact
-    remembers the slide before: in its direction a ramp yields less than the presliding distance,
-    against it more; by Masing's rule the sum is twice the distance. Contacts without this memory
-    (Dahl, LuGre) yield the same both times. The mean of both is the distance in either case. On a
-    `loose` gear, what a ramp against the slide yields more may be backlash, not memory: the
-    distance is between that in its direction and the mean, and that is added to the deviation of a
-    single rest: the ramps' scatter, the encoder count and the method's error.
+    `onward` tells which ramps follow a slide in their own direction. A Maxwell-slip contact yields
+    less in the direction of the slide before, and more against it: by Masing's rule the sum is
+    twice the distance, as of contacts without memory. On a `loose` gear, what a ramp against the
+    slide yields more may be backlash: the distance is between that in its direction and the mean,
+    and so much less sure. The deviation is that of a single rest.
     """
     sides = _medians(ways, onward)
     distance, unknown = float(np.mean(sides)), 0.0
@@ -268,14 +256,10 @@ def find_backlash(curves: Sequence[RampFriction], directions: np.ndarray, onward
                   resolution: float) -> tuple[float, list[int]]:
     """Return the backlash of a gear, rad, and each ramp's index at which teeth touch; 0 if none.
 
-    Friction of a gear's contacts is a concave function of displacement, since every contact that
-    begins to slide leaves fewer that still stick (Dahl, LuGre, Bouc-Wen and Maxwell slip alike).
-    While teeth are apart, only the motor's own friction acts; where they touch, that of the link is
-    added and the curve bends upwards. A dip below its concave hull indicates backlash; its lowest
-    point is where teeth touch.
-
-    A slide leaves the link somewhere between the teeth: a ramp `onward` crosses what is left ahead,
-    one against it what is left behind. The backlash is the sum of both.
+    Friction of contacts is a concave function of displacement, since every one that begins to slide
+    leaves fewer that stick. Where teeth touch, friction of the link is added and the curve bends
+    upwards: the lowest point of a dip below its concave hull. A slide leaves the link somewhere
+    between the teeth: a ramp `onward` crosses what is left ahead, one against it what is behind.
     """
     depths, places = np.array([curve.upturn() for curve in curves]).T
     upturns = np.where(depths > _CROSSED, places, 0).astype(int).tolist()

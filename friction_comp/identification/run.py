@@ -2,17 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identification of a drive, sample by sample (note, sections 2.3 and 2.4), and trajectories.
 
-A ROS node or a plain loop runs the procedure by calling `update` with every sample. The movements
-are generators that yield currents and receive samples, one sample for each ``yield``:
-`IdentificationRun._movements` is the whole procedure in order, the methods below it are its steps.
-Measurements are stored in attributes.
+A ROS node or a plain loop calls `update` with every sample. `IdentificationRun._movements` is the
+whole procedure in order, the methods below it are its steps; what is measured twice must agree,
+else the result says by how much it does not.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Generator
-from dataclasses import replace
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
@@ -20,17 +19,18 @@ from scipy.interpolate import CubicHermiteSpline
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification import cycles as twice, identified as doubts, ramps as stairs
+from friction_comp.identification import cycles as twice, ramps as stairs
 from friction_comp.identification.curves import fit_sigmoid
-from friction_comp.identification.cycles import Cycle, steadiest_inertia, without_lag
+from friction_comp.identification.cycles import Cycle, Inertia, KineticPoint, MAX_SCATTER
 from friction_comp.identification.goal import (
     cycle_state,
     IdentificationError,
     IdentificationGoal,
     TrajectoryGoal,
 )
-from friction_comp.identification.identified import IdentificationResult
 from friction_comp.identification.supervised_run import (
+    LEAST_BANDWIDTH,
+    Motion,
     NotFollowedError,
     Sample,
     sample_rows,
@@ -38,8 +38,12 @@ from friction_comp.identification.supervised_run import (
     STILL_TIME,
     SupervisedRun,
 )
-from friction_comp.identification.supervision import LEAST_BANDWIDTH
-from friction_comp.statistics import evenly_spread, smallest_step
+from friction_comp.model.arm import Arm
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import Breakaway, Presliding
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.statistics import evenly_spread, rms, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
 # moved by more than so many counts. A ramp ends when it has slid this far, rad, at this speed or
@@ -58,6 +62,15 @@ _PUSH_HOLDS, _MOST_LOST, _USED_CURRENT = 0.8, 0.2, 0.9
 _BEYOND, _PUSHED, _BEHIND = 0.025, 0.1, 0.1
 # Factors by which the inertia of the cycles may differ from that of a push, and from a typical one.
 _FROM_PUSH, _FROM_TYPICAL = 5.0, 50.0
+# Shares of friction above which a result is doubtful: by which the curve of Eq. 6 is off the table
+# (RMS), measured and commanded currents differ, friction or load vary over position, and one
+# direction needs more; and by which breakaway scatters, or the load changes, under a person's hand.
+_CURVE, _CURRENTS, _POSITION, _ONE_SIDED, _TOUCHED = 0.03, 0.04, 0.05, 0.12, 0.6
+# Share by which inertias at different speeds may differ, and that inertia may leave unexplained:
+# rigid joints with fine encoders stay below 0.01.
+_SWINGS = 0.05
+PRESLIDING_RATE = 500.0
+"""Rate of joint states in Hz from which on presliding is within its stated deviation."""
 
 
 class TrajectoryRun(SupervisedRun):
@@ -85,7 +98,7 @@ class TrajectoryRun(SupervisedRun):
             return self.goal.times[-1] + 5.0 * STILL_TIME
         return max(0.0, self._began + self.goal.times[-1] - self.sample.time)
 
-    def _movements(self) -> Generator[float, Sample, None]:
+    def _movements(self) -> Motion:
         goal = self.goal
         yield from self._travel(goal.positions[0])
         self.phase, self._began = 'trajectory', self.sample.time
@@ -101,19 +114,8 @@ class IdentificationRun(SupervisedRun):
     """One identification, from standstill to zero current; see `SupervisedRun`.
 
     Call `update` with every sample and apply the current that it returns, until `finished`. Then
-    `result()` fits the model.
-
-    Parameters
-    ----------
-    goal : IdentificationGoal
-    drive : Drive
-    torque : bool
-        Whether messages have joint torques in N·m instead of motor currents in A.
-
-    Raises
-    ------
-    InputError
-        If the drive cannot meet the goal.
+    `result()` fits the model. With `torque`, messages have joint torques in N·m instead of motor
+    currents in A. Raises InputError if the drive cannot meet the goal.
     """
 
     goal: IdentificationGoal
@@ -141,7 +143,7 @@ class IdentificationRun(SupervisedRun):
             left += duration + self._travel_time(0.5 * width) + STILL_TIME
         return left + (2 * goal.breakaway_cycles - len(self.ramps)) * self._ramp_time
 
-    def _movements(self) -> Generator[float, Sample, None]:
+    def _movements(self) -> Motion:
         while self._to_drive:
             yield from self._measure_speed(self._to_drive[0])
             self._to_drive.pop(0)
@@ -188,7 +190,7 @@ class IdentificationRun(SupervisedRun):
                 f'accelerate, more than {_USED_CURRENT:.0%} of the current limit of {say(limit)}: '
                 'widen the range')
 
-    def _measure_speed(self, speed: float) -> Generator[float, Sample, None]:
+    def _measure_speed(self, speed: float) -> Motion:
         """Drive cycles at a speed with lower gains until its current is steady; keep the best."""
         if why := self._too_fast(speed):
             self._leave_out(speed, why)
@@ -204,7 +206,7 @@ class IdentificationRun(SupervisedRun):
                 # Not the controller but friction itself varies.
                 break
             best = driven
-            if best is not None and best.scatter <= twice.MAX_SCATTER:
+            if best is not None and best.scatter <= MAX_SCATTER:
                 break
         if best is None:
             self._leave_out(speed, 'stick-slip, the joint oscillates, or its controller is slow '
@@ -244,7 +246,7 @@ class IdentificationRun(SupervisedRun):
 
     # Breakaway.
 
-    def _breakaway(self, sign: int) -> Generator[float, Sample, None]:
+    def _breakaway(self, sign: int) -> Motion:
         """Find the largest current that holds, on one ramp; repeat it if no stair held."""
         held = self._held[sign]
         first = stairs.first_stair(held or [_PUSH_HOLDS * self.known[sign][0][1]])
@@ -256,7 +258,10 @@ class IdentificationRun(SupervisedRun):
             self._lost += 1
             first = stairs.first_stair([first])
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
-                self.supervision.refuse_unreliable(level)
+                raise IdentificationError(
+                    f'no current holds the joint reliably: it slid at {self.supervision.say(level)}'
+                    ', although more held it before: it is pushed, or its friction varies with '
+                    'place or time')
         held.append(level)
         self.ramps.append(ramp)
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
@@ -272,8 +277,7 @@ class IdentificationRun(SupervisedRun):
             if stair > self.ramp_peak:
                 if watch.slides and held is not None:
                     break
-                self.supervision.refuse_blocked(
-                    sign, self.ramp_peak, self.goal.ramp_slope is not None)
+                self._refuse_blocked(sign)
             yield from self._rise(current, stair, watch)
             current = stair
             pauses.append(self.sample.time)
@@ -286,7 +290,7 @@ class IdentificationRun(SupervisedRun):
             return None, stair
         return stairs.Ramp(sign, before, sample_rows(watch.samples), held, pauses), level
 
-    def _rise(self, low: float, high: float, watch: _Slide) -> Generator[float, Sample, None]:
+    def _rise(self, low: float, high: float, watch: _Slide) -> Motion:
         """Raise the current from `low` to `high`, A, without shaking the joint."""
         begin, duration = self.sample.time, (high - low) / self.ramp_slope + stairs.STAIR_TIME
         share = 0.0
@@ -319,10 +323,7 @@ class IdentificationRun(SupervisedRun):
     def result(self) -> IdentificationResult:
         """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
 
-        Raises
-        ------
-        IdentificationError
-            If the run is not finished, or breakaway scatters because of backlash.
+        Raises IdentificationError before the end, or if breakaway scatters because of backlash.
         """
         if not self.finished:
             raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
@@ -332,17 +333,17 @@ class IdentificationRun(SupervisedRun):
 
     def _evaluate(self) -> IdentificationResult:
         slopes = twice.position_slopes(self.cycles)
-        inertia = steadiest_inertia(
+        inertia = twice.steadiest_inertia(
             [cycle.samples for cycle in twice.levelled(self.cycles, slopes)])
         # A push that moved the joint is right within tens of percent, unless a sensor is late.
         wide = _FROM_TYPICAL if self._inertia_is_typical else _FROM_PUSH
         pushed = self.supervision.acceleration
         if inertia and not 1.0 / wide < inertia.acceleration_per_current / pushed < wide:
             inertia = None
-        acceleration, lag = inertia[:2] if inertia else (pushed, 0.0)
+        acceleration = inertia.acceleration_per_current if inertia else pushed
         # An inertia that is not known must not correct anything.
         cycles, repeated = (twice.levelled(
-            [cycle.again(acceleration if inertia else math.inf, lag) for cycle in driven], slopes)
+            [cycle.again(acceleration if inertia else math.inf) for cycle in driven], slopes)
             for driven in (self.cycles, self.repeated))
         points, drift = twice.without_drift(cycles, repeated)
         sigmoid, error = fit_sigmoid([p.actual_speed for p in points], [p.current for p in points])
@@ -353,24 +354,23 @@ class IdentificationRun(SupervisedRun):
         # The encoder's step: that of the drive, or a coarser one that was seen.
         seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
         found = stairs.evaluate_ramps(
-            [ramp._replace(samples=without_lag(ramp.samples, lag)) for ramp in self.ramps],
-            max(self._resolution, min(filter(None, seen), default=0.0)), acceleration,
+            self.ramps, max(self._resolution, min(filter(None, seen), default=0.0)), acceleration,
             sigmoid.viscous)
-        breakaway, misfit = stairs.breakaway_of(self.ramps), doubts.curve_misfit(points, sigmoid)
+        breakaway, misfit = stairs.breakaway_of(self.ramps), curve_misfit(points, sigmoid)
         warnings, say = list(self.warnings), self.supervision.say
         if self._inertia_is_typical and not inertia:
             warnings.append('the inertia could not be estimated; a typical one was assumed')
         warnings += [
-            *doubts.doubts_of_cycles(cycles, repeated, inertia, drift), *found.warnings,
-            *doubts.doubts_of_ramps(breakaway, points, self.goal.breakaway_cycles,
+            *doubts_of_cycles(cycles, inertia, drift), *found.warnings,
+            *doubts_of_ramps(breakaway, points, self.goal.breakaway_cycles,
                                     self.supervision.step, found.presliding, say),
-            *doubts.doubts_of_positions(self.cycles, slopes),
-            *doubts.doubts_of_curve(points, sigmoid, misfit, say)]
+            *doubts_of_positions(self.cycles, slopes),
+            *doubts_of_curve(points, sigmoid, misfit, say)]
         return IdentificationResult(
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
             breakaways=found.breakaways, acceleration_per_current=acceleration,
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
-            uncertainty=doubts.uncertainty_of(cycles, repeated, misfit),
+            uncertainty=uncertainty_of(cycles, repeated, misfit),
             warnings=warnings,
             drift=drift, presliding=found.presliding, backlash=found.backlash)
 
@@ -402,3 +402,184 @@ class _Slide:
     def rest(self) -> None:
         """Take note that the joint came to rest."""
         self.slides, self._rested = False, self.samples[-1].position
+
+
+# The result.
+
+@dataclass(frozen=True)
+class IdentificationResult:
+    """Result of an identification."""
+
+    points: list[KineticPoint]      # the look-up table in ascending speed, negative speeds first
+    sigmoid: Sigmoid                # fit of Eq. 6
+    sigmoid_error: float            # E of Eq. 7, A
+    breakaway: Breakaway
+    breakaways: np.ndarray          # every single one, A, signed, in order of time
+    # k_t·n/J in rad/s² per A from the cycles of Eq. 3, else, less exactly, from the short push.
+    acceleration_per_current: float
+    goal: IdentificationGoal
+    uncertainty: float              # share by which friction may differ, half of a 95 % interval
+    warnings: list[str] = field(default_factory=list)
+    presliding: Presliding | None = None        # None if the encoder is too coarse
+    backlash: float | None = None               # rad; None if the ramps show none
+    # How much friction at a speed in rad/s drifted, a share of it; empty if it hardly did.
+    drift: dict[float, float] = field(default_factory=dict)
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """Speeds of the look-up table, rad/s, shape (N,)."""
+        return np.array([point.speed for point in self.points])
+
+    @property
+    def currents(self) -> np.ndarray:
+        """Mean currents of the look-up table, A, shape (N,)."""
+        return np.array([point.current for point in self.points])
+
+    @property
+    def standard_deviations(self) -> np.ndarray:
+        """Standard deviations of the current, A, shape (N,)."""
+        return np.array([point.standard_deviation for point in self.points])
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """c1..c6 of Eq. 6 with velocity in rad/s."""
+        return self.sigmoid.coefficients()
+
+    def model(self, drive: Drive, joint: str = '',
+              position_limits: tuple[float, float] | None = None,
+              carrying: Sequence[Effect] = (), arm: Arm | None = None) -> FrictionModel:
+        """Return the `FrictionModel` of the drive; it is not saved.
+
+        `carrying` are the effects whose current was `carried`, and `arm` what they need: they
+        remain part of the model, and breakaway is what it takes beside them, at any position.
+        """
+        breakaway = self.breakaway if not carrying else replace(
+            self.breakaway, positive_position=None, negative_position=None)
+        return FrictionModel(
+            drive=drive, position_limits=position_limits, joint=joint,
+            sigmoid=self.sigmoid, breakaway=breakaway, presliding=self.presliding,
+            uncertainty=self.uncertainty, effects=list(carrying), arm=arm if carrying else None,
+            lookup_table={name: getattr(self, name).tolist() for name in (
+                'speeds', 'currents', 'standard_deviations')},
+            notes={
+                'source': 'identification: constant velocities and current ramps',
+                'sigmoid_error': self.sigmoid_error,
+                **{name: getattr(self.goal, name) for name in (
+                    'motion_range', 'ramp_slope', 'ramp_period', 'breakaway_cycles')},
+                'drift': [{'speed': speed, 'share': share} for speed, share in self.drift.items()],
+                'warnings': list(self.warnings),
+            })
+
+
+def uncertainty_of(cycles: Sequence[Cycle], repeated: Sequence[Cycle], misfit: float) -> float:
+    """Return the share by which sliding friction may differ, half of a 95 % interval.
+
+    From the standard errors of the means, from how far friction moved between repetitions, and from
+    `misfit`, the share of friction by which the curve of Eq. 6 is off the table (RMS).
+    """
+    both = twice.pairs(cycles, repeated)
+    moved = [change / a.friction for (a, _), sides in zip(both, twice.changes(both))
+             for change in sides]
+    # The difference of two measurements scatters by the root of two more than one.
+    again = rms(np.array(moved)) / math.sqrt(2.0) if moved else 0.0
+    return 2.0 * math.hypot(rms(np.array([cycle.error for cycle in cycles])), again, misfit)
+
+
+def curve_misfit(points: Sequence[KineticPoint], sigmoid: Sigmoid) -> float:
+    """Return by how much the curve of Eq. 6 is off the look-up table, RMS, a share of friction."""
+    errors = np.array([float(sigmoid(point.speed)) - point.current for point in points])
+    return rms(errors) / max(float(np.mean([abs(point.current) for point in points])), 1e-9)
+
+
+# What is doubtful, as texts.
+
+def doubts_of_cycles(cycles: Sequence[Cycle], inertia: Inertia | None, drift: dict[float, float]
+                     ) -> list[str]:
+    """Return what is doubtful about cycles: currents, scatter, inertia, and drift."""
+    measured = sum(cycle.friction for cycle in cycles)
+    gain = measured / sum(replace(cycle, points=cycle.commanded).friction for cycle in cycles)
+    offset = sum(one.current - other.current for cycle in cycles
+                 for one, other in zip(cycle.points, cycle.commanded)) / (2.0 * measured)
+    worst = max(cycles, key=lambda cycle: cycle.scatter)
+    doubt = max(inertia.differs, inertia.unexplained) if inertia else 0.0
+    sizes = ', '.join(f'by {share:+.1%} at {speed:.3g} rad/s' for speed, share in drift.items())
+    return [text for applies, text in (
+        (abs(gain - 1.0) > _CURRENTS,
+         f'the measured current is {gain:.2f} times the commanded one: torque constant, gear ratio '
+         'or current controller deviate from the model file, and friction is the measured one'),
+        (abs(offset) > _CURRENTS,
+         f'the measured current is off the commanded one by {offset:+.0%} of friction in both '
+         'directions: the current sensor has an offset, now part of the model'),
+        (worst.scatter > MAX_SCATTER,
+         f'at {worst.speed:.3g} rad/s, the current varies by ±{worst.scatter:.0%} of friction, '
+         'with lower gains as well: friction varies there, or the joint oscillates under its '
+         'velocity controller'),
+        (doubt > _SWINGS,
+         f'the acceleration per current may be off by {doubt:.0%}: the joint swings, as one with '
+         'an elastic or heavy link, or its encoder is coarse. Presliding of a joint that swings '
+         'may be up to 30 % short'),
+        (sizes, f'friction drifted during the measurement: {sizes}. The look-up table and its '
+         'curve are those of the end, breakaway is the mean of the time before. Let the drive warm '
+         'up, then identify it again')) if applies]
+
+
+def doubts_of_positions(cycles: Sequence[Cycle], slopes: Sequence[float]) -> list[str]:
+    """Return whether friction, or the load, rises over the positions of cycles.
+
+    `slopes` are those of `position_slopes`, A/rad.
+    """
+    forward, backward = slopes
+    half = 0.5 * max(float(np.ptp(cycle.samples[:, 1])) for cycle in cycles)
+    friction = float(np.mean([cycle.friction for cycle in cycles]))
+    return [what.format(share) for what, slope in (
+        ('friction rises over position, by about ±{:.0%} of friction: the table has means over the '
+         'range, breakaway is that of its middle', 0.5 * (forward - backward)),
+        ('the load rises over position, by about ±{:.0%} of friction: gravity, or a spring. Add it '
+         'with refine, since compensated friction no longer holds a weight',
+         0.5 * (forward + backward))) if (share := half * abs(slope) / friction) > _POSITION]
+
+
+def doubts_of_ramps(breakaway: Breakaway, points: Sequence[KineticPoint], cycles: int, step: float,
+                    presliding: Presliding | None, say: Callable[[float], str]) -> list[str]:
+    """Return what is doubtful about `cycles` ramps a direction, with samples every `step`, s.
+
+    Gravity, a spring, or a person adds to friction in one direction, and gravity to look-up table
+    and breakaway alike. Raises IdentificationError if a person leant on the joint; `say` returns a
+    current as text.
+    """
+    friction, shift = breakaway.friction, breakaway.held
+    spread = max(breakaway.positive_std, breakaway.negative_std)
+    sliding = 0.5 * sum(float(np.mean([
+        point.current for point in points if point.speed * sign > 0.0])) for sign in (1, -1))
+    if spread > _TOUCHED * friction:
+        raise IdentificationError(f'breakaway scatters by {say(spread)} around {say(friction)}: '
+                                  'the joint was touched during the measurement')
+    if abs(shift - sliding) > _TOUCHED * friction:
+        raise IdentificationError(
+            f'the load was {say(sliding)} while the joint moved, but {say(shift)} when it broke '
+            'free: somebody leant on it during part of the run')
+    more = 2.0 * max(shift, sliding, key=abs)
+    return [text for applies, text in (
+        (abs(more) > 2.0 * _ONE_SIDED * friction,
+         f'the {"positive" if more > 0.0 else "negative"} direction needs {say(abs(more))} more '
+         'than the other: gravity or a spring, friction that differs, or somebody leant on the '
+         'joint. If it is a weight, add it to the model with refine before people let go: '
+         'compensated friction holds it no longer'),
+        (cycles == 1, 'breakaway was measured once in each direction: how much it scatters is not '
+         'known. Request four breakaway_cycles or more'),
+        (presliding is not None and step * PRESLIDING_RATE > 1.05,
+         f'presliding was measured at {1.0 / step:.0f} Hz: below {PRESLIDING_RATE:.0f} Hz it may '
+         'be 35 % too long, which costs help where no direction is announced')) if applies]
+
+
+def doubts_of_curve(points: Sequence[KineticPoint], sigmoid: Sigmoid, misfit: float,
+                    say: Callable[[float], str]) -> list[str]:
+    """Return where the curve of Eq. 6 is off the look-up table; `say` returns a current as text."""
+    if misfit <= _CURVE:
+        return []
+    off, point = max(((abs(float(sigmoid(one.speed)) - one.current), one) for one in points),
+                     key=lambda entry: entry[0])
+    return [f'the curve of Eq. 6 is off the look-up table by {misfit:.0%} of friction (RMS), most '
+            f'at {point.speed:g} rad/s, where {say(abs(point.current))} were measured, by '
+            f'{say(off)}: compensation follows the curve. Refine a recording with this model, or '
+            'request other speeds']

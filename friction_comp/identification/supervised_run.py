@@ -1,16 +1,19 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Moves a joint sample by sample under its supervision, and ends with zero current.
+"""Moves a joint sample by sample under supervision, and ends with zero current.
 
 A motion is a generator that yields currents in A and receives samples. An unknown joint is first
-broken free by a current ramp and pushed briefly. This measures the current that overcomes friction
-and the acceleration per current, which the velocity controller needs, and shows whether the
-measured current is the commanded one.
+broken free by a current ramp and pushed briefly: this shows the current that overcomes friction,
+the acceleration per current, and whether the measured current is the commanded one. The velocity
+controller (note, section 2.3) is a PI controller of ``e = (ω_ref - ω) + λ·(φ_ref - φ)``, which
+keeps the joint in its range; its velocity is the filtered difference of encoder positions.
 
-The controller (note, section 2.3) is a PI controller that acts on ``e = (ω_ref - ω) + λ·(φ_ref -
-φ)``. The position term keeps the joint in its range during long cycles, and compensates for the
-coarse velocity of the encoder. The velocity is the difference of encoder positions, filtered by a
-first-order low pass.
+Measurements are compared with commands at every sample: the measured current is the commanded one,
+with little delay; the position changes as the measured velocity says; a current well above
+breakaway accelerates the joint; the joint stays in its range and near its reference. Anything else
+(wiring, encoder, units, machine, a person) ends the run before a model is written: **zero current
+whenever the joint does not respond as a joint should**. Until the measured current is confirmed,
+only the first ramp is commanded, which ends when the joint moves.
 """
 
 from __future__ import annotations
@@ -20,29 +23,50 @@ from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from itertools import chain
 import math
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from numba import njit
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.facts.current import LATEST
+from friction_comp.facts.current import ALIKE, Answer, CurrentCheck, FOLLOWS, gain_fault, LATEST
+from friction_comp.facts.motion import encoder_fault, VelocityCheck
 from friction_comp.identification.goal import IdentificationError, MotionGoal
-from friction_comp.identification.supervision import (
-    BANDWIDTH,
-    DELAY_SHARE,
-    LEAST_BANDWIDTH,
-    LEAST_SHARE,
-    PATIENCE,
-    PHASE,
-    Supervision,
-)
 from friction_comp.low_pass import low_pass_weight
 
-STILL_TIME = 0.2
-"""s of standstill before each ramp."""
+LONGEST_GAP = 0.25
+"""Longest time without a sample, s."""
+LEAST_RATE = 100.0
+"""Lowest rate of joint states in Hz at which a joint is moved."""
+BANDWIDTH, LEAST_BANDWIDTH = 100.0, 10.0
+"""Crossover frequency of the velocity controller, rad/s: far below the sampling frequency of 1 kHz,
+far above that of the profile; it falls with rate and delay. Below the second, slow constant
+velocities are not held."""
+PHASE, DELAY_SHARE = 1.0, 0.4
+"""Its phase margin in rad without any delay: a quarter turn less filter, integrator and position,
+0.2 + 0.2 + 0.16 rad; and the share that sampling and delay may take: 34 degrees then remain."""
+LONGEST_DELAY = DELAY_SHARE * PHASE / LEAST_BANDWIDTH - 1.0 / LEAST_RATE
+"""Longest delay in s between command and measured current at which a joint is moved, 0.03 s."""
+PATIENCE, STILL_TIME = 10.0, 0.2
+"""Longest time to come to rest, and standstill before each ramp, s."""
 GAINS = (1.0, 0.4, 0.16, 0.064)
 """Factors of the controller's bandwidth: one is dropped when the joint oscillates with it."""
+# Smallest commanded current that is compared, as a share of one that breaks the joint free; a
+# current that carries is, from this share of the drive's limit on, smoothed over s.
+_LEAST_SHARE, _HELD_SHARE, _HELD_TIME = 0.02, 0.05, 0.05
+# Standard errors by which a wrong gain is outside; largest one of a confirmed gain, a share of it;
+# gain that is no answer at all.
+_ERRORS, _CONFIRMED, _NO_ANSWER = 3.0, 0.25, 0.05
+# Samples from which the time between them is known; different positions, the first ones, that are
+# compared with the encoder; longest step between samples that is integrated, s.
+_SAMPLES, _PLACES, _STEP = 20, 400, 0.02
+# A current of this multiple of breakaway must accelerate the joint visibly: when so many counts of
+# movement are expected, it must have moved this share; but not before this time in s, since delay,
+# current loop and filter take time, nor while a moving joint would hardly be slowed down.
+_SURPLUS, _EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 1.5, 30.0, 0.1, 0.01
+# A joint oscillates if such currents change their sign so often within so many s; a joint is not
+# said to be blocked while they do.
+_SWINGS, _SWING_TIME = 4, 0.5
 # A joint is at rest if it moves by at most this many counts or this angle in rad.
 _STILL_COUNTS, _STILL_ANGLE = 2.5, 1e-5
 # Speed at which the short push ends, rad/s; fewest counts from which that speed, and the inertia,
@@ -66,15 +90,261 @@ class Sample(NamedTuple):
     current: float
 
 
+Motion = Generator[float, Sample, None]
+
+
 class NotFollowedError(IdentificationError):
     """The joint did not follow its reference: it oscillated, or the controller is too slow."""
+
+
+class Supervision:
+    """Compares measurements with commands, sample by sample; `peak` confirms currents, A."""
+
+    def __init__(self, drive: Drive, peak: float, torque: bool = False) -> None:
+        self._drive, self._torque = drive, torque
+        self.least = _LEAST_SHARE * peak    # smallest current that is compared, A
+        self.delay, self.step = 0.0, 1e-3   # of the measured current; mean between samples, s
+        self.bounds = -math.inf, math.inf   # lowest and highest position, rad
+        self.aim = math.nan                 # place that is followed at present, rad
+        # Largest friction current known so far in either direction, signed, A.
+        self.friction: tuple[float, float] | None = None
+        self.acceleration = math.nan        # k_t·n/J once it is known, rad/s² per A
+        self._late = LONGEST_DELAY  # delay in s that explains why a joint does not respond
+        self._first, self._count = math.nan, 0
+        self._resolution = drive.position_resolution or 1e-6
+        self._last: tuple[float, float] | None = None
+        self._places = [math.nan]   # rad, each other than that before
+        self._currents = CurrentCheck()
+        self._held = np.zeros(2)    # measured current, and that which carries, smoothed, A
+        self._velocities = VelocityCheck(resolution=self._resolution, zeros=True)
+        self._window: deque[tuple[float, float]] = deque(maxlen=10)
+        self._confirmed = False     # whether the measured current has been the commanded one
+        self._swings: deque[float] = deque(maxlen=_SWINGS)  # when that sign changed, s
+        self._pushed = 0.0          # sign of the latest current well above friction
+        self._begin_answer(0.0, 0.0, 0.0)
+
+    def say(self, current: float) -> str:
+        """Return a motor current in A as text, in the unit of messages."""
+        return self._drive.in_words(current, self._torque)
+
+    def check(self, time: float, position: float, velocity: float | None,
+              currents: tuple[float, float], carried: float = 0.0) -> bool:
+        """Check a sample against the current before it; raise IdentificationError on fault.
+
+        `currents` are the commanded and the measured one, A, of which `carried` holds the joint.
+        Returns whether the sample is newer than the last one.
+        """
+        self._check_sample(time, position)
+        if self._last is None:
+            self._last, self._first = (time, position), time
+            return True
+        step = time - self._last[0]
+        if step <= 0.0:
+            return False
+        if position != self._places[-1] and len(self._places) < _PLACES:
+            self._places.append(position)
+        self._last = time, position
+        self._count += 1
+        if self._count > _SAMPLES:
+            self.step = (time - self._first) / self._count
+        command, current = (one - carried for one in currents)
+        if math.isfinite(current):
+            self._currents.take(time, min(step, _STEP), command, current)
+            gain = self._currents.gain(self.least)
+            if math.isfinite(gain) and not _follows(gain):
+                answer = self._currents.answer()
+                self._refuse_late(answer)
+                # Do not compare yet while the current has had no time to take effect.
+                if answer.old_command > self.least:
+                    self._refuse_gain(answer)
+            self._compare_carried(min(step, _STEP), currents[1], carried)
+        # The position must change as the velocity says.
+        if velocity is None or not math.isfinite(velocity) or step > _STEP:
+            self._velocities.interrupt()
+        elif fault := self._velocities.take(time, position, velocity):
+            raise IdentificationError(fault)
+        if self.friction is not None and math.isfinite(self.acceleration):
+            self._expect_motion(step, time, position, command, current)
+        return True
+
+    def encoder_fault(self) -> str:
+        """Return what is wrong with the drive's `encoder_counts`, '' if nothing is."""
+        return encoder_fault(self._drive, np.array(self._places)[1:])
+
+    def _check_sample(self, time: float, position: float) -> None:
+        if not math.isfinite(time):
+            raise IdentificationError('the time of a sample is not finite')
+        if not math.isfinite(position):
+            raise IdentificationError('the joint position is not finite: encoder failure')
+        if self._last is None:
+            return
+        gap, (low, high) = time - self._last[0], self.bounds
+        if abs(gap) > LONGEST_GAP:
+            what = 'no sample for' if gap > 0.0 else 'time went back by'
+            raise IdentificationError(f'{what} {abs(gap):.2g} s; the limit is {LONGEST_GAP} s')
+        if not low <= position <= high:
+            why = ('a weight, a spring or a person moves it' if math.isnan(self.aim) else
+                   f'{abs(position - self.aim):.2g} rad from its reference: somebody pushed it, '
+                   'its controller is too slow, or it swings, as one with an elastic or heavy '
+                   'link: request lower speeds')
+            raise IdentificationError(
+                f'the joint left its motion range of {high - low:.4g} rad: {why}')
+
+    # The measured current must be the commanded one.
+
+    def _compare_carried(self, step: float, measured: float, carried: float) -> None:
+        """Raise if the current that holds the joint at rest is measured otherwise."""
+        share = low_pass_weight(step, _HELD_TIME)
+        self._held += share * (np.array([measured, carried]) - self._held)
+        given, wanted = self._held.tolist()
+        moves = abs(self._currents.commanded) > 0.1 * abs(wanted)
+        if self._confirmed or moves or abs(wanted) < _HELD_SHARE * self._drive.current_limit:
+            return
+        if not _follows(given / wanted):
+            raise IdentificationError(
+                f'the measured current is {given / wanted:.2g} times the {self.say(wanted)} that '
+                f'carry the joint by its model: {gain_fault(given / wanted, self._drive)}')
+
+    def is_current_confirmed(self) -> bool:
+        """Return whether the measured current is confirmed to be the commanded one."""
+        answer = self._currents.answer()
+        self._confirmed = _follows(answer.gain) and answer.error <= _CONFIRMED * answer.gain
+        return self._confirmed
+
+    def require_confirmed_current(self) -> None:
+        """Raise unless the measured current is confirmed; call it after the drive had time."""
+        if self.is_current_confirmed():
+            return
+        answer = self._currents.answer()
+        self._refuse_late(answer)
+        self._refuse_gain(answer)
+        raise IdentificationError(
+            'the measured current cannot be confirmed to be the commanded one: its ratio is '
+            f'{answer.gain:.2g} ± {answer.error:.2g}: effort is too noisy, or not measured')
+
+    def _refuse_gain(self, answer: Answer) -> None:
+        """Raise IdentificationError if the measured current is not the commanded one."""
+        gain, error = answer.gain, _ERRORS * answer.error
+        if 1.0 / FOLLOWS - error <= gain <= FOLLOWS + error:
+            return
+        commanded = self.say(self._currents.commanded)
+        if self._confirmed and abs(gain) < 1.0:
+            # A unit or a sign that is wrong would have been so before.
+            raise IdentificationError(
+                f'the measured current stays at {self.say(self._currents.measured)} while '
+                f'{commanded} are commanded, although it followed smaller ones: the drive limits '
+                'its current, which current_limit must say, or it was switched off')
+        answers = abs(gain) > max(error, _NO_ANSWER)
+        cause = (gain_fault(gain, self._drive) if answers else
+                 'effort is not measured, or the drive is not enabled')
+        if not answers or 0.0 < gain < 1.0:
+            cause += '; or the drive ignores small currents (a dead band)'
+        raise IdentificationError(
+            f'the measured current is {gain:.2g} times the commanded one of {commanded}: {cause}')
+
+    # The drive must answer in time.
+
+    def measure_delay(self) -> None:
+        """Measure `delay`; call it within half a second after a current was switched off."""
+        answer = self._currents.answer()
+        if answer.correlation > ALIKE:
+            self.delay = max(self.delay, answer.delay)
+
+    def control(self, bandwidth: float) -> None:
+        """Take note of the controller's bandwidth, rad/s, which limits the delay from now on."""
+        self._late = min(LONGEST_DELAY, max(PHASE / bandwidth - self.step, 0.0))
+
+    def require_controllable(self) -> None:
+        """Raise if samples are too far apart or the measured current is too late, s."""
+        # Time stamps jitter by some percent.
+        if self.step > 1.05 / LEAST_RATE:
+            raise IdentificationError(
+                f'joint_states come {1.0 / self.step:.3g} times per second; to move a joint by '
+                f'currents takes {LEAST_RATE:g}')
+        if self.delay > LONGEST_DELAY:
+            self._late = LONGEST_DELAY
+            self._refuse_late(self._currents.answer()._replace(delay=self.delay))
+
+    def _refuse_late(self, answer: Answer) -> None:
+        """Raise if the measured current is the commanded one, but too late for the controller."""
+        if answer.delay <= self._late or answer.correlation <= ALIKE or not _follows(answer.gain):
+            return
+        cause = ('Machine or network are overloaded, or the driver delays currents or states: '
+                 'shorten its filters and cycles')
+        # While a current grows, a dead band or a limit looks like a delay.
+        if not self._confirmed:
+            cause += '. Or the drive ignores small currents (a dead band)'
+        elif abs(self._currents.measured) < 0.8 * abs(self._currents.commanded):
+            cause += f'. Or the drive limits its current, to {self.say(self._currents.measured)}'
+        raise IdentificationError(
+            f'the measured current follows the commanded one {answer.delay:.2g} s late, with the '
+            f'right size (ratio {answer.gain:.2g}): too late to control a joint, the limit is '
+            f'{self._late:.2g} s at {1.0 / self.step:.3g} Hz. {cause}')
+
+    # The joint must move as its current says.
+
+    def oscillates(self) -> bool:
+        """Return whether large currents of both signs alternate quickly."""
+        return (len(self._swings) == _SWINGS and self._last is not None
+                and self._last[0] - self._swings[0] < _SWING_TIME)
+
+    def forget_oscillation(self) -> None:
+        """Count from now on."""
+        self._swings.clear()
+        self._pushed = 0.0
+
+    def _begin_answer(self, time: float, position: float, sign: float) -> None:
+        self._sign, self._since, self._from = sign, time, position
+        self._drift = self._speed = self._expected = 0.0
+        if self._window and time > self._window[0][0]:
+            self._drift = (position - self._window[0][1]) / (time - self._window[0][0])
+
+    def _expect_motion(self, step: float, time: float, position: float, command: float,
+                       measured: float) -> None:
+        """Raise IdentificationError if the joint does not move as Newton's law says.
+
+        Expected is the motion by the commanded or measured current, A, beyond friction.
+        """
+        assert self.friction is not None
+        self._window.append((time, position))
+        sign = math.copysign(1.0, command)
+        enough = _SURPLUS * abs(self.friction[0] if sign > 0.0 else self.friction[1])
+        surplus = sign * command - enough
+        if surplus > 0.0 and sign != self._pushed:
+            self._swings.append(time)
+            self._pushed = sign
+        if surplus <= 0.0 or sign != self._sign or step > _STEP:
+            self._begin_answer(time, position, sign)
+            return
+        # A drive may be slow to give what is commanded.
+        given = surplus if math.isnan(measured) else min(surplus, sign * measured - enough)
+        self._speed += max(given, 0.0) * self.acceleration * step
+        self._expected += self._speed * step
+        duration = time - self._since
+        least = max(_EXPECTED_COUNTS * self._resolution, _ANSWERED * abs(self._drift) * duration)
+        if self._expected < least or duration < _ANSWER_TIME + self.delay:
+            return
+        # Accept a joint that keeps moving, and one whose motion changes, for instance brakes.
+        moved = position - self._from
+        gained = moved - self._drift * duration
+        if max(sign * moved, sign * gained) < _ANSWERED * self._expected and not (
+                len(self._swings) > 2 and time - self._swings[-2] < _SWING_TIME):
+            self._refuse_late(self._currents.answer())
+            raise IdentificationError(
+                f'the joint does not move at {self.say(command)}, although less current broke it '
+                'free before: it is blocked, at a stop, or held, as by a weight that its model '
+                'does not carry; or the encoder is stuck, or coarser than encoder_counts')
+        self._begin_answer(time, position, sign)
+
+
+def _follows(gain: float) -> bool:
+    return 1.0 / FOLLOWS <= gain <= FOLLOWS
 
 
 def sample_rows(samples: Sequence[Sample]) -> np.ndarray:
     """Return samples as rows of s, rad and A, shape (N, 3).
 
-    Four to forty times as fast as ``np.array``, with which a control loop would be late after a
-    motion of 20 s.
+    With ``np.array`` a control loop would be late after a motion of 20 s.
     """
     return np.fromiter(chain.from_iterable(samples), float, 3 * len(samples)).reshape(-1, 3)
 
@@ -110,20 +380,12 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
     return rate if top > 0.0 and math.isfinite(rate) and rate > 0.0 else math.nan
 
 
-def travel_state(time: float, distance: float, duration: float) -> tuple[float, float]:
-    """Return position (rad) and velocity (rad/s) of a quintic from rest to rest."""
-    share = min(max(time / duration, 0.0), 1.0)
-    position = distance * share ** 3 * (10.0 - 15.0 * share + 6.0 * share ** 2)
-    return position, distance / duration * 30.0 * (share * (1.0 - share)) ** 2
-
-
 class Controller(NamedTuple):
     """Parameters of the velocity controller.
 
-    An acceleration per current that is wrong by a factor of two is harmless: the phase margin stays
-    near 40 degrees. The push, about friction, is fed forward with the sign of the reference
-    velocity, so that the integrator need not change at reversals; the measured mean does not depend
-    on it.
+    An acceleration per current that is wrong by a factor of two is harmless. The push, about
+    friction, is fed forward with the sign of the reference velocity, so that the integrator need
+    not change at reversals; the measured mean does not depend on it.
     """
 
     acceleration_per_current: float     # k_t·n/J, rad/s² per A
@@ -172,8 +434,7 @@ class SupervisedRun(ABC):
     def __init__(self, goal: MotionGoal, drive: Drive, torque: bool = False) -> None:
         goal.check(drive, torque)
         self.goal, self.drive = goal, drive
-        self.error = ''             # why the run failed; empty if it did not
-        self.finished = False       # whether the run is complete
+        self.error, self.finished = '', False   # why the run failed; whether it is complete
         self.phase = 'standstill'   # present step of the run; 'done' or 'failed' after it
         # Slope of the ramps in A/s and their largest current in A.
         self.ramp_slope = goal.ramp_slope or math.nan
@@ -182,7 +443,7 @@ class SupervisedRun(ABC):
         self.supervision = Supervision(
             drive, goal.ramp_peak or _BLIND_SHARE * drive.current_limit, torque)
         self.sample = Sample(math.nan, math.nan, math.nan)  # the latest one
-        self.start = math.nan               # position at the start, rad
+        self.start = math.nan       # position at the start, rad
         # Speeds in rad/s and commanded currents in A, magnitudes, of each direction: what broke the
         # joint free, at zero, and what cycles took. The controller relies on them, and on nothing
         # measured: measurements in a wrong unit must not drive the joint.
@@ -190,16 +451,15 @@ class SupervisedRun(ABC):
         self.gains = list(GAINS)            # those with which the joint did not oscillate
         self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
-        self._slid = 0                     # direction of the latest slide
-        self._counted = False              # whether the encoder has ever changed
-        self._inertia_is_typical = False   # whether the push did not show it
+        self._slid, self._counted = 0, False    # latest slide's direction; encoder ever changed
+        self._inertia_is_typical = False        # whether the push did not show it
         self._run = self._motion()
         next(self._run)
         self._begin, self._progress = math.nan, 0.0
         self._command = self._carried = 0.0     # of the latest sample, A
 
     @abstractmethod
-    def _movements(self) -> Generator[float, Sample, None]:
+    def _movements(self) -> Motion:
         """Yield currents and receive samples, once friction and inertia are known."""
 
     @abstractmethod
@@ -230,12 +490,10 @@ class SupervisedRun(ABC):
                current: float = 0.0, carried: float = 0.0) -> float:
         """Take one sample of the joint and return the current to apply, A; zero when finished.
 
-        Time is in s on any base (a sample that is not newer changes nothing), position in rad, the
-        velocity in rad/s is only compared with the change of position, the measured current is in
-        A. What the joint's model says is `carried` here, A, is part of the current to apply, and is
-        subtracted from what is measured: see `Carried`. Raises IdentificationError if the joint
-        leaves its range, the encoder fails, or the drive does not respond as expected; from then on
-        every call returns zero.
+        Time is in s on any base (a sample that is not newer changes nothing), position in rad,
+        velocity, which is only compared, in rad/s, the measured current in A, of which the joint's
+        model says that `carried` holds it here: see `Carried`. Raises IdentificationError if the
+        joint does not respond as it should; from then on every call returns zero.
         """
         if self.finished or self.error:
             return 0.0
@@ -261,7 +519,7 @@ class SupervisedRun(ABC):
             self.error, self._command, self.phase = reason or 'cancelled', 0.0, 'failed'
             self._run.close()
 
-    def _motion(self) -> Generator[float, Sample, None]:
+    def _motion(self) -> Motion:
         self.sample = yield 0.0
         self.start, self._begin = self.sample.position, self.sample.time
         self.supervision.bounds = self._bounds()
@@ -274,13 +532,14 @@ class SupervisedRun(ABC):
         self.sample = yield command
         return self.sample
 
-    def _standstill(self, duration: float) -> Generator[float, Sample, None]:
+    def _standstill(self, duration: float) -> Motion:
         """Wait at zero current until the joint has been at rest for a duration in s."""
         sample, self.supervision.aim = self.sample, math.nan
         begin, still_since, stood_at = sample.time, sample.time, sample.position
         while sample.time - still_since < duration:
             if sample.time - begin > PATIENCE + duration:
-                self.supervision.refuse_restless()
+                raise IdentificationError('the joint does not come to rest at zero current: it is '
+                                          'driven by gravity, pushed, or oscillates')
             sample = yield from self._step(0.0)
             if abs(sample.position - stood_at) > max(
                     _STILL_COUNTS * self._resolution, _STILL_ANGLE):
@@ -288,11 +547,9 @@ class SupervisedRun(ABC):
 
     # The first motion.
 
-    def _first_motion(self) -> Generator[float, Sample, None]:
+    def _first_motion(self) -> Motion:
         self.phase = 'push'
-        rates = []
-        for sign in (1, -1):
-            rates.append((yield from self._short_push(sign)))
+        rates = [(yield from self._short_push(1)), (yield from self._short_push(-1))]
         push = self.push
         if self.goal.ramp_slope is None:
             self.ramp_slope = push / _RISE_TIME
@@ -313,8 +570,7 @@ class SupervisedRun(ABC):
                 sign * (sample.position - home) <= 8.0 * self._resolution):
             current = self._first_current(sample.time - begin)
             if current > self.ramp_peak:
-                self.supervision.refuse_blocked(
-                    sign, self.ramp_peak, self.goal.ramp_slope is not None)
+                self._refuse_blocked(sign)
             sample = yield from self._step(sign * current)
             recent.append(sample)
             self._counted = self._counted or sample.position != home
@@ -324,7 +580,7 @@ class SupervisedRun(ABC):
             self.supervision.require_confirmed_current()
             sample = self.sample
         if self.goal.ramp_slope is None:
-            self.supervision.least = LEAST_SHARE * current
+            self.supervision.least = _LEAST_SHARE * current
         self.learn(sign, 0.0, current)
         strong = min(1.3 * current, self.drive.current_limit)
         room = sample.position + sign * 0.04 * self.goal.motion_range
@@ -353,8 +609,18 @@ class SupervisedRun(ABC):
         limit = self.drive.current_limit
         current = _FIRST_SHARE * limit * math.expm1(elapsed / _GROWTH)
         if current > _BLIND_SHARE * limit and not self._counted:
-            self.supervision.refuse_unseen(current)
+            raise IdentificationError(
+                f'the encoder has not counted once up to {self.supervision.say(current)}: it is '
+                'stuck, or the joint is blocked; if its counts are coarse, request a ramp_slope')
         return current
+
+    def _refuse_blocked(self, sign: int) -> NoReturn:
+        raise IdentificationError(
+            f'the joint did not break free in the {"positive" if sign > 0 else "negative"} '
+            f'direction up to {self.supervision.say(self.ramp_peak)}: it is blocked, its encoder '
+            'is stuck, or ' + ('it takes a steeper ramp_slope or a longer ramp_period, or no '
+                               'ramp_slope' if self.goal.ramp_slope is not None else
+                               "the drive's current_limit is too low"))
 
     def learn(self, sign: int, speed: float, current: float) -> None:
         """Take note of the current in A that a speed in rad/s took in one direction."""
@@ -392,8 +658,7 @@ class SupervisedRun(ABC):
     def _plausible_current(self, speed: float) -> float:
         """Return the largest plausible current in A at a speed.
 
-        Twice what is expected, plus twice the profile's acceleration, leaves room for gravity and
-        control; a blocked joint or a stuck encoder exceeds it.
+        It leaves room for gravity and control; a blocked joint or a stuck encoder exceeds it.
         """
         expected = max(self._expected_current(sign, speed) for sign in (1, -1))
         return min(self.drive.current_limit, max(3.0 * self.push, 2.0 * expected)
@@ -434,8 +699,7 @@ class SupervisedRun(ABC):
             commands.append(command)
         return begin, sample_rows(samples), commands
 
-    def _stop_lagging(self, off: float, command: float, parameters: Controller
-                      ) -> Generator[float, Sample, None]:
+    def _stop_lagging(self, off: float, command: float, parameters: Controller) -> Motion:
         lag = (f'the joint lags {off:.3g} rad behind its reference at '
                f'{self.supervision.say(abs(command))}')
         if parameters.bandwidth > 0.4 * BANDWIDTH or abs(command) >= 0.9 * parameters.limit:
@@ -447,7 +711,7 @@ class SupervisedRun(ABC):
             f'{lag}: the velocity controller is slow ({parameters.bandwidth:.0f} rad/s), since '
             'currents or positions come late or seldom, counts are coarse, or the joint oscillates')
 
-    def _calm(self, gain: float) -> Generator[float, Sample, None]:
+    def _calm(self, gain: float) -> Motion:
         """Come to rest after an oscillation, and use lower gains from now on."""
         error = NotFollowedError('the joint oscillates under its velocity controller: current or '
                                  'position come late, or its link is elastic')
@@ -460,7 +724,7 @@ class SupervisedRun(ABC):
         self.supervision.forget_oscillation()
         raise error
 
-    def _travel(self, target: float) -> Generator[float, Sample, None]:
+    def _travel(self, target: float) -> Motion:
         start = self.sample.position
         distance = target - start
         if abs(distance) > 0.01 * self.goal.motion_range:
@@ -468,8 +732,10 @@ class SupervisedRun(ABC):
             duration = self._travel_time(distance)
 
             def reference(t: float) -> tuple[float, float]:
-                position, velocity = travel_state(t, distance, duration)
-                return start + position, velocity
+                # A quintic from rest to rest.
+                share = min(max(t / duration, 0.0), 1.0)
+                moved = distance * share ** 3 * (10.0 - 15.0 * share + 6.0 * share ** 2)
+                return start + moved, distance / duration * 30.0 * (share * (1.0 - share)) ** 2
 
             gain = self.gains[0]
             try:

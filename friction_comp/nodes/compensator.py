@@ -22,9 +22,18 @@ from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import load_compiled_code, Loaded, try_model
 from friction_comp.errors import InputError
 from friction_comp.model.motor_check import doubts, is_to_be_recorded_again, TORQUE, unit_of
-from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.ros.joint_io import CommandPort, competing_publishers, QOS
-from friction_comp.ros.parameters import described, load_models, names_in, Settings
+from friction_comp.ros.node_parts import (
+    described,
+    Diagnostics,
+    ERROR,
+    load_models,
+    names_in,
+    OK,
+    Rate,
+    Settings,
+    WARN,
+)
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO, nanoseconds
 

@@ -26,10 +26,9 @@ from friction_comp.direction.force_sensor import ForceDirection
 from friction_comp.direction.joint_motion import Announcement
 from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.errors import InputError
-from friction_comp.ros.diagnostics import Diagnostics, OK, WARN
-from friction_comp.ros.executor import yield_to_executor
 from friction_comp.ros.joint_io import QOS, RELIABLE
-from friction_comp.ros.parameters import Settings
+from friction_comp.ros.node_main import yield_to_executor
+from friction_comp.ros.node_parts import Diagnostics, OK, Settings, WARN
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 # s after which a position is too old.

@@ -21,9 +21,8 @@ from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
-from friction_comp.ros.diagnostics import Diagnostics, OK, WARN
 from friction_comp.ros.joint_io import QOS, RELIABLE
-from friction_comp.ros.parameters import Settings
+from friction_comp.ros.node_parts import Diagnostics, OK, Settings, WARN
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 # Discovery may finish at different times at both ends of a connection; real s.

@@ -29,13 +29,17 @@ from friction_comp.control.watchdog import Watchdog
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder, file_names, to_yaml
-from friction_comp.identification.carried import Carried, GRAVITY
-from friction_comp.identification.goal import GOAL_LIMITS, IdentificationGoal, TrajectoryGoal
+from friction_comp.identification.goal import (
+    Carried,
+    GOAL_LIMITS,
+    GRAVITY,
+    IdentificationGoal,
+    TrajectoryGoal,
+)
 from friction_comp.identification.run import IdentificationRun, TrajectoryRun
 from friction_comp.nodes.goal_server import GoalServer
 from friction_comp.ros import joint_io
-from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.ros.parameters import load_models, Settings
+from friction_comp.ros.node_parts import Diagnostics, ERROR, load_models, OK, Rate, Settings, WARN
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO
 

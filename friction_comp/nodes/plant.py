@@ -17,9 +17,8 @@ from std_msgs.msg import Float64MultiArray, Header
 
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
-from friction_comp.ros.diagnostics import Diagnostics, OK, Rate, WARN
 from friction_comp.ros.joint_io import command_unit, RELIABLE, UNASKED, UNIT_OF
-from friction_comp.ros.parameters import load_models, Settings
+from friction_comp.ros.node_parts import Diagnostics, load_models, OK, Rate, Settings, WARN
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.person import ReferenceHold

@@ -14,8 +14,7 @@ from rclpy.node import Node
 from friction_comp.errors import InputError
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
-from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.ros.parameters import Settings
+from friction_comp.ros.node_parts import Diagnostics, ERROR, OK, Rate, Settings, WARN
 from friction_comp.ros.ros_start import steady_timer
 
 # Real s between writes to the disk.

@@ -33,9 +33,17 @@ from friction_comp.recorded_drive.child import Refined, RefinementProcess
 from friction_comp.recorded_drive.given import Given
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
-from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.ros.executor import yield_to_executor
-from friction_comp.ros.parameters import load_models, names_in, Settings
+from friction_comp.ros.node_main import yield_to_executor
+from friction_comp.ros.node_parts import (
+    Diagnostics,
+    ERROR,
+    load_models,
+    names_in,
+    OK,
+    Rate,
+    Settings,
+    WARN,
+)
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO
 from friction_comp.tables.columns import Layout

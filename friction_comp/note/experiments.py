@@ -19,8 +19,7 @@ from friction_comp.compensation.law import law_parameters
 from friction_comp.evaluation.conditions import evaluate, Evaluation
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.identification.goal import IdentificationGoal
-from friction_comp.identification.identified import IdentificationResult
-from friction_comp.identification.run import IdentificationRun
+from friction_comp.identification.run import IdentificationResult, IdentificationRun
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway
 from friction_comp.note.published import Experiment, EXPERIMENTS, FALSE_START, RAMP_PERIOD

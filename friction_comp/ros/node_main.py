@@ -1,10 +1,18 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Starts, runs and ends every node."""
+"""Starts, runs and ends every node, with an executor for frequent messages.
+
+Every callback passes the executor, so it is also the one place where what reaches a node cannot end
+it: a message that raises an error is ignored, a request is refused, each with a word in the log.
+Only InputError, by which a node says that it cannot go on, and errors of timers, which nothing from
+outside calls, end the spinning.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Future, TimeoutError
+from contextlib import ExitStack, suppress
 import gc
 import inspect
 import os
@@ -13,34 +21,275 @@ import sys
 import threading
 import time
 import traceback
-from typing import Any
+import types
+from typing import Any, TypeVar
 
 import rclpy
+from rclpy import executors
 from rclpy.action import ActionServer
 from rclpy.exceptions import ROSInterruptException
-from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.utilities import remove_ros_args
 
 from friction_comp.errors import InputError
 from friction_comp.interrupts import ENDING, STOPPING
-from friction_comp.ros.executor import StreamExecutor
 from friction_comp.ros.ros_start import dropping_log, start_ros, without_source_locations
+from friction_comp.stamps import NANO
 
+T = TypeVar('T')
+
+# Real s between polls of everything but the streams. It also limits the delay of signals, which
+# Python handles only when the executor returns from the middleware.
+_POLL_PERIOD = 0.02
+# Real s that work in a thread may take, and between two words on what is refused.
+_PATIENCE, _AGAIN = 10.0, 1.0
 # Spins after leaving, and real s of them if a goal ended by it: its client may ask only now.
 _FINAL_SPINS, _FAREWELL = 10, 0.3
 # Switch interval of threads, s: loading a model must not delay the control loop.
 _SWITCH_INTERVAL = 5e-4
 
 
+@types.coroutine
+def yield_to_executor() -> Generator[None, None, None]:
+    """Return control to the executor once, from a coroutine that it runs."""
+    yield
+
+
+class _StreamSet:
+    """A wait set of messages and fast timers, built once; rclpy builds one for every callback."""
+
+    def __init__(self, context: Any, guard: Any, subscriptions: list[Any], timers: list[Any]
+                 ) -> None:
+        # Hold the handles, so that none is destroyed while it is in the wait set.
+        held = ExitStack()
+        for entity in (context, guard, *subscriptions, *timers):
+            held.enter_context(entity.handle)
+        self.close = held.close
+        self._count = len(subscriptions)
+        self._set = _rclpy.WaitSet(self._count, 1, len(timers), 0, 0, 0, context.handle)
+        self._added = [(self._set.add_guard_condition, guard.handle),
+                       *((self._set.add_subscription, one.handle) for one in subscriptions),
+                       *((self._set.add_timer, one.handle) for one in timers)]
+
+    def wait(self, seconds: float) -> int:
+        """Wait for something to happen; return the last subscription with a message, or -1."""
+        self._set.clear_entities()
+        for add, handle in self._added:
+            add(handle)
+        self._set.wait(int(seconds * NANO))
+        return max((index for index in range(self._count)
+                    if self._set.is_ready('subscription', index)), default=-1)
+
+
+class _SlowEntities:
+    """The node for rclpy's executor, without the streams and timers that are processed here."""
+
+    subscriptions = timers = ()
+
+    def __init__(self, node: Any) -> None:
+        self._node = node
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._node, name)
+
+
+class StreamExecutor(executors.Executor):
+    """Waits for messages only, and polls services, actions and timers fifty times per second.
+
+    That saves half of rclpy's processor time (bench/round_trip.py). Before a message is taken from
+    a subscription, all messages of those created earlier are taken: a node whose answer to a topic
+    depends on another topic subscribes to that one first. A node may have `fast_timers`, which do
+    not wait for the next poll, and a `batch_time` in s, by which messages may be delayed to be
+    processed together, which is cheaper.
+    """
+
+    def __init__(self, node: Any) -> None:
+        super().__init__(context=node.context)
+        self._is_changed = True
+        self._node, self._slow_entities = node, _SlowEntities(node)
+        self._fast_timers = list(getattr(node, 'fast_timers', ()))
+        self._batch_time = getattr(node, 'batch_time', 0.0)
+        self._subscriptions: list[tuple[Any, ...]] = []
+        self._slow_timers: list[Any] = []
+        self._set: _StreamSet | None = None
+        self._due = 0.0
+        self._said: dict[str, float] = {}
+        self.add_node(node)
+
+    def wake(self) -> None:
+        """Note that the node's entities have changed."""
+        self._is_changed = True
+        super().wake()
+
+    @property
+    def has_coroutines(self) -> bool:
+        """Whether a callback, such as a goal, has not ended yet."""
+        return any(not task.done() for task, *_ in self._tasks)
+
+    def shutdown(self, timeout_sec: Any = None) -> Any:
+        """Release the node."""
+        if self._set is not None:
+            self._set.close()
+        return super().shutdown(timeout_sec)
+
+    def spin_once(self, timeout_sec: Any = None) -> None:
+        """Process ready messages, and poll the rest when it is due or when not waiting."""
+        left = max(0.0, self._due - time.monotonic())
+        self._process_streams(left if timeout_sec is None else min(left, timeout_sec))
+        if timeout_sec == 0.0 or time.monotonic() >= self._due:
+            self._poll()
+            self._due = time.monotonic() + _POLL_PERIOD
+
+    def do_beside(self, work: Callable[[], T], what: str) -> T:
+        """Do work in a thread, while streams and timers go on; return its result.
+
+        Raises InputError where the work fails, or takes longer than ten seconds.
+        """
+        future: Future[T] = Future()
+
+        def run() -> None:
+            try:
+                future.set_result(work())
+            except Exception as error:
+                future.set_exception(error)
+        # A daemon, so that it does not hold up the end of the node.
+        threading.Thread(target=run, name=what, daemon=True).start()
+        end = time.monotonic() + _PATIENCE
+        while not future.done() and time.monotonic() < end:
+            self._process_streams(_POLL_PERIOD)
+            self._call_timers(self._slow_timers)
+        try:
+            return future.result(0.0)
+        except InputError:
+            raise
+        except TimeoutError:
+            raise InputError(f'{what}: not done within {_PATIENCE:g} s') from None
+        except Exception as error:
+            raise InputError(f'{what}: {error!r}') from None
+
+    def _stream_set(self) -> _StreamSet:
+        """Return the wait set of streams, rebuilt if entities have changed."""
+        if self._is_changed or self._set is None:
+            self._is_changed = False
+            if self._set is not None:
+                self._set.close()
+            node, subscriptions = self._node, list(self._node.subscriptions)
+            self._subscriptions = [
+                (entity, entity.handle, entity.msg_type, entity.raw, entity.callback,
+                 _takes_message_only(entity.callback)) for entity in subscriptions]
+            self._slow_timers = [timer for timer in node.timers if timer not in self._fast_timers]
+            # The base class triggers its guard when the node's entities have changed.
+            self._set = _StreamSet(node.context, self._guard, subscriptions, self._fast_timers)
+        return self._set
+
+    def _process_streams(self, seconds: float) -> None:
+        """Wait for messages or fast timers, and process them."""
+        last_ready = self._stream_set().wait(0.0 if self._batch_time else seconds)
+        self._call_timers(self._fast_timers)
+        # The last ready one gives a single message, before which all of the earlier ones are taken
+        # (see the class). Use a copy, since a callback may replace the list.
+        for index, subscription in enumerate(self._subscriptions[:last_ready + 1]):
+            while self._take(*subscription) and index < last_ready:
+                pass
+        if self._batch_time:
+            time.sleep(min(self._batch_time, seconds))
+
+    def _take(self, entity: Any, handle: Any, kind: Any, raw: bool, callback: Any,
+              message_only: bool) -> bool:
+        try:
+            message = handle.take_message(kind, raw)
+            if message is None:
+                return False
+            self._schedule(callback(message[0]) if message_only else callback(*message))
+        except InputError:
+            raise
+        except Exception as error:
+            self._refuse(f'a message on {entity.topic_name} was ignored', error)
+            return False
+        return True
+
+    def _take_service(self, service: Any) -> Any:
+        """Return what answers a request, as rclpy does; a request that raises is refused."""
+        with service.handle:
+            request, header = service.handle.service_take_request(service.srv_type.Request)
+
+        async def answer() -> None:
+            if header is None:
+                return
+            response = service.srv_type.Response()
+            try:
+                response = await executors.await_or_execute(service.callback, request, response)
+            except Exception as error:
+                text = self._refuse(f'a request to {service.srv_name} was refused', error)
+                # All that says success is false by default.
+                response = service.srv_type.Response()
+                if hasattr(response, 'message'):
+                    response.message = text
+            service.send_response(response, header)
+        return answer
+
+    def _refuse(self, what: str, error: Exception) -> str:
+        """Log what was refused because of an error, and return the text."""
+        why = without_source_locations(error) or repr(error)
+        text, now = f'{what}: {why}', time.monotonic()
+        if now - self._said.get(what, -_AGAIN) >= _AGAIN:
+            self._said[what] = now
+            self._node.get_logger().error(text)
+        return text
+
+    def _call_timers(self, timers: list[Any]) -> None:
+        for timer in timers:
+            if timer.handle.is_timer_ready():
+                timer.handle.call_timer()
+                self._schedule(timer.callback())
+
+    def _schedule(self, result: Any) -> None:
+        """Continue a callback later if it waits."""
+        if inspect.iscoroutine(result):
+            self.create_task(result)
+
+    def _poll(self) -> None:
+        """Process everything but the streams."""
+        if not self.context.ok():
+            raise executors.ExternalShutdownException
+        self._call_timers(self._slow_timers)
+        with suppress(executors.ShutdownException, executors.TimeoutException):
+            # One pass over the waiting callbacks and what is ready ends with a timeout.
+            while True:
+                task, entity, _ = self.wait_for_ready_callbacks(0.0, [self._slow_entities])
+                task()
+                error = task.exception()
+                if isinstance(error, InputError):
+                    raise error
+                if error is not None:
+                    name = getattr(entity, 'srv_name', type(entity).__name__)
+                    self._refuse(f'what reached {name} was ignored', error)
+                    _release(entity)
+
+
+def _takes_message_only(callback: Any) -> bool:
+    """Return whether a callback is called without the middleware's message info, as by rclpy."""
+    try:
+        inspect.signature(callback).bind(object())
+    except TypeError:
+        return False
+    return True
+
+
+def _release(entity: Any) -> None:
+    """Let an entity, and others of its group, be called again after an error before its call."""
+    if entity is not None:
+        entity._executor_event = False
+        with suppress(AssertionError):
+            entity.callback_group.ending_execution(entity)
+
+
 def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
     """Start a node, spin it until it is done or a signal ends it, and shut it down in order.
 
-    Return 0 if it ended by itself or by a signal, 1 after an exception; raise InputError if
-    an argument, parameter or file cannot be used.
-
-    Signals are not handled by rclpy, which would shut the context down at once, so that zero
-    current could no longer be published. Those that would stop the process (Ctrl-Z) end it, too.
+    Return 0 if it ended by itself or by a signal, also one that would stop the process (Ctrl-Z), 1
+    after an exception; raise InputError if an argument, parameter or file cannot be used. rclpy
+    would shut the context down at a signal, so that zero could no longer be published.
 
     A node may have a method `leave()`, which is always called at the end, and an attribute
     `finished`, with which it ends by itself. One that drives a motor has `stop_motor()`, which
@@ -86,7 +335,7 @@ def _run(make_node: Callable[[], Any], signals: _Signals) -> int:
     try:
         while not signals.caught and not getattr(node, 'finished', False):
             executor.spin_once()
-    except (ExternalShutdownException, ROSInterruptException):
+    except (executors.ExternalShutdownException, ROSInterruptException):
         pass
     except InputError:
         raise
@@ -97,20 +346,16 @@ def _run(make_node: Callable[[], Any], signals: _Signals) -> int:
         # First, so that zero is the last command also if leaving fails.
         stop_motor()
         getattr(node, 'leave', _do_nothing)()
-        _say_farewell(executor)
+        # Publish what leaving has caused, such as the result of an action.
+        end = time.monotonic() + _FAREWELL * executor.has_coroutines
+        for _ in range(_FINAL_SPINS):
+            executor.spin_once(0.0)
+        while time.monotonic() < end:
+            executor.spin_once()
         # Its wait set holds the node's entities, and must not outlive the context.
         executor.shutdown(0.0)
         _destroy(node)
     return 0
-
-
-def _say_farewell(executor: StreamExecutor) -> None:
-    """Publish what leaving has caused, such as the result of an action."""
-    end = time.monotonic() + _FAREWELL * executor.has_coroutines
-    for _ in range(_FINAL_SPINS):
-        executor.spin_once(0.0)
-    while time.monotonic() < end:
-        executor.spin_once()
 
 
 def _destroy(node: Any) -> None:

@@ -16,11 +16,11 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.identification.supervised_run import (
+    BANDWIDTH,
     Controller,
     controller_state,
     controller_step,
 )
-from friction_comp.identification.supervision import BANDWIDTH
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
