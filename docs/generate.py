@@ -132,7 +132,7 @@ def report_fields() -> str:
 
 def findings() -> str:
     """Return the codes of refinement's findings, with what each says."""
-    from friction_comp.refinement.findings import CODES
+    from friction_comp.refinement.judge import CODES
 
     return rows(['`code`', ''], [[f'`{code}`', said] for code, said in CODES.items()])
 

@@ -9,12 +9,11 @@ from test_prepare import swings
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement import refine
-from friction_comp.refinement.best_fit import find_best_fit, Fit, Problem
+from friction_comp.refinement.block_sums import regimes_of, repeats
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.intervals import intervals
 from friction_comp.refinement.prepare import join, prepare
-from friction_comp.refinement.regimes import regimes_of, repeats
-from friction_comp.refinement.search import adjust_constants, Search
+from friction_comp.refinement.search import adjust_constants, find_best_fit, Fit, Problem, Search
 from friction_comp.refinement.thresholds import table as thresholds
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}

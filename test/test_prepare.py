@@ -12,8 +12,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.effect_columns import Table, Term
-from friction_comp.refinement.prepare import clipped, join, prepare
-from friction_comp.refinement.recorded_motion import load_coefficient
+from friction_comp.refinement.prepare import clipped, join, load_coefficient, prepare
 from friction_comp.refinement.search import adjust_constants
 from friction_comp.samples import Samples
 

@@ -24,8 +24,8 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recorded_drive.refine_recordings import showing_friction
 from friction_comp.recordings import read_recording, read_recording_with_info, write_samples
 from friction_comp.refinement import refine
-from friction_comp.refinement.findings import Finding, verdict_of
-from friction_comp.refinement.recorded_motion import moving
+from friction_comp.refinement.judge import Finding, verdict_of
+from friction_comp.refinement.prepare import moving
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import main as run_predict

@@ -16,10 +16,8 @@ from friction_comp.model.effects.base import Coverage
 from friction_comp.model.motor_check import cautions
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import judge, refine
-from friction_comp.refinement.dependence import remaining_dependences
-from friction_comp.refinement.judge import findings_on_numbers
-from friction_comp.refinement.prepare import clipped
-from friction_comp.refinement.recorded_motion import load_coefficient
+from friction_comp.refinement.judge import findings_on_numbers, remaining_dependences
+from friction_comp.refinement.prepare import clipped, load_coefficient
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 from friction_comp.tools import predict

@@ -25,8 +25,7 @@ from friction_comp.model.effects import Coverage, EFFECTS, ResidualView
 from friction_comp.refinement import search, thresholds
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import signs_of, Term
-from friction_comp.refinement.prepare import coverage_of
-from friction_comp.refinement.recorded_motion import standstill_speed, TRANSITIONS
+from friction_comp.refinement.prepare import coverage_of, standstill_speed, TRANSITIONS
 from friction_comp.samples import Samples
 
 # Steps by which constants are changed, see `search.step_size`: a parabola gives the best.

@@ -31,7 +31,7 @@ from friction_comp.arm.urdf import Chain
 from friction_comp.errors import InputError
 from friction_comp.model.arm import FREE_FALL, moving_states, PARAMETERS, Tree
 from friction_comp.parallel import one_thread
-from friction_comp.refinement.recorded_motion import candidate_settings
+from friction_comp.refinement.prepare import candidate_settings
 from friction_comp.samples import Samples
 
 FEWEST = 200  # samples

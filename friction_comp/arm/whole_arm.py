@@ -18,8 +18,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.arm import Arm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import one_thread
-from friction_comp.refinement.prepare import clipped
-from friction_comp.refinement.recorded_motion import load_coefficient
+from friction_comp.refinement.prepare import clipped, load_coefficient
 from friction_comp.refinement.refine import refine
 from friction_comp.refinement.result import Origin, RefineResult
 from friction_comp.samples import Samples

@@ -20,8 +20,7 @@ from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.model.effects import Coverage, Effect, EFFECTS
 from friction_comp.refinement.block_sums import column_shares
 from friction_comp.refinement.effect_columns import Table, Term
-from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.recorded_motion import in_motion, row_starts
+from friction_comp.refinement.prepare import in_motion, row_starts, Rows
 from friction_comp.samples import Samples
 
 Pair = tuple[str, str]

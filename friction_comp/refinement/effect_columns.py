@@ -20,8 +20,7 @@ import numpy as np
 from friction_comp.model.arm import friction_groups, Group, groups_for
 from friction_comp.model.effects import Effect, EFFECTS, ResidualView
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.recorded_motion import TRANSITIONS
+from friction_comp.refinement.prepare import Rows, TRANSITIONS
 
 # Number of columns of Eq. 6, and of those that are not derivatives; signs of their coefficients.
 EQ6_COLUMNS, EQ6_LINEAR, _EQ6_SIGNS = 5, 3, (0, 1, 1, 0, 0)

@@ -24,10 +24,9 @@ from friction_comp.model.friction_numbers import (
     speeds_of,
 )
 from friction_comp.model.measured import LINE, Recorded
-from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import EQ6_LINEAR, first_model, Term
-from friction_comp.refinement.search import constant_derivatives, free_constants, step_size
+from friction_comp.refinement.search import constant_derivatives, Fit, free_constants, step_size
 from friction_comp.statistics import rms, robust_std, student_quantile
 
 _DRAWS = 200

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prepares recordings as rows of a fit, each in a regime of motion.
 
-The velocity over which friction changes sign is chosen by how well a plain drive predicts regimes
-that were not fitted.
+Velocity and acceleration come from one zero-phase filter. Each measured signal, such as a load, has
+a filter of its own: noise that is left in it lowers its coefficient, and other terms take the rest.
+All are chosen by how well a plain drive predicts regimes that were not fitted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import functools
 import math
@@ -19,12 +20,380 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.facts.motion import positions
-from friction_comp.model.differentiation import differentiate
+from friction_comp.model.arm import moving_states
+from friction_comp.model.differentiation import (
+    differentiate,
+    filters,
+    MEASURED,
+    METHOD,
+    prepared_signal,
+)
 from friction_comp.model.effects import Coverage
-from friction_comp.refinement import recorded_motion, thresholds
-from friction_comp.refinement.block_sums import held_out_error
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.refinement import thresholds
+from friction_comp.refinement.block_sums import BlockSums, held_out_error, regimes_of
 from friction_comp.samples import Samples
-from friction_comp.statistics import evenly_spread
+from friction_comp.statistics import evenly_spread, rms, smallest_step, top_speed
+
+_BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
+# The same for measured signals: a thermometer is slow.
+_SIGNAL_BANDWIDTHS = (0.03, 0.1, 0.3, 1.0, 2.5, 5.0, 7.0, 10.0, 15.0, *_BANDWIDTHS[2:])
+# Widest bandwidth of a filter as a share of the rate.
+_WIDEST = 0.3
+_EXCERPT = 150_000
+# Samples of noise that stand for an encoder's steps.
+_PIECE = 2000
+# Shares of the top speed over which friction may change sign.
+TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
+# Share of the top speed above which a smooth velocity is right.
+_FAST = 0.1
+
+
+def plain_columns(samples: Samples, transitions: Sequence[float] = (),
+                  motion: tuple[np.ndarray, ...] | None = None, index: int = 0) -> np.ndarray:
+    """Return the columns of a plain drive: friction, inertia, weight and load.
+
+    Friction changes its sign over `transitions`, rad/s, by default `TRANSITIONS` of the usual top
+    speed. For an arm, `motion` is that of all joints, as of `moving_states`, and `index` the joint.
+    """
+    v, q = np.asarray(samples.velocity), samples.position
+    transitions = transitions or np.percentile(np.abs(v), 95) * np.array(TRANSITIONS)
+    columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
+               np.asarray(samples.acceleration), np.cos(q), np.sin(q)]
+    if np.ptp(q) < 2.0:
+        columns.append(q)
+    for load in (samples.load, samples.rigid_body):
+        if load is not None:
+            columns += [load, np.abs(load) * np.tanh(v / transitions[-1])]
+    if motion is not None:
+        angles, _, accelerations = motion
+        for first in range(index + 1):
+            for last in range(index, angles.shape[1]):
+                if first < last:
+                    total = angles[:, first:last + 1].sum(axis=1)
+                    columns += [np.cos(total), np.sin(total)]
+        columns += [acceleration for k, acceleration in enumerate(accelerations.T) if k != index]
+    return np.column_stack(columns)
+
+
+def candidate_settings(samples: Samples, velocity: np.ndarray | None,
+                       bandwidths: Sequence[float] = _BANDWIDTHS) -> list[dict[str, Any]]:
+    """Return the differentiation settings to compare; `velocity` is as recorded, if it was."""
+    # The last bandwidth, half of the rate, does not filter this recording. Of a faster one it
+    # removes what this one cannot show.
+    rate = 1.0 / max(samples.sample_time, 1e-9)
+    values = [*(value for value in bandwidths if value <= _WIDEST * rate), 0.5 * rate]
+    recorded = velocity is not None and np.any(velocity, axis=0).all()
+    sources = ('position', 'velocity') if recorded else ('position',)
+    return [{'method': METHOD, 'source': source, 'bandwidth': value}
+            for source in sources for value in values]
+
+
+def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
+    """Return the differentiation settings to compare, at which motion is not a sensor's steps.
+
+    A controller that responds to the steps makes them predict the current at wider bandwidths; and
+    at constant speeds, a velocity in whole counts does not change, as it does in other motion.
+    """
+    choices = candidate_settings(samples, samples.velocity)
+    piece = samples.take(np.arange(min(len(samples), _PIECE)))
+    random = np.random.default_rng(0).random(len(piece))
+    steps = {'position': piece.with_(position=samples.position_step * random)}
+    if samples.velocity is not None:
+        steps['velocity'] = piece.with_(velocity=smallest_step(samples.velocity) * random)
+
+    def acceleration(of: Samples, choice: dict[str, Any]) -> float:
+        return rms(np.asarray(differentiate(of, choice).acceleration))
+    # The narrowest of the positions shows the motion.
+    most = thresholds.ENCODER_STEPS * acceleration(samples, choices[0])
+    return [choice for choice in choices if choice is choices[0]
+            or acceleration(steps[choice['source']], choice) <= most]
+
+
+def excerpt(samples: Samples, mask: np.ndarray) -> tuple[Samples, np.ndarray]:
+    """Return at most `_EXCERPT` samples in pieces from everywhere, and their part of the mask."""
+    size, pieces = len(samples), 15
+    if size <= _EXCERPT:
+        return samples, mask
+    length = _EXCERPT // pieces
+    starts = np.linspace(0, size - length, pieces).astype(int)
+    keep = np.concatenate([np.arange(start, start + length) for start in starts])
+    return samples.take(keep), mask[keep]
+
+
+def standstill_speed(samples: Samples) -> float:
+    """Return the speed below which the joint counts as standing still, rad/s.
+
+    A hundredth of the usual top speed, or more where the resolution of position hides slow motion.
+    """
+    speed = np.abs(np.asarray(samples.velocity))
+    top = top_speed(speed)
+    quiet = speed[speed < 0.02 * top]
+    noise = 3.0 * rms(quiet) if quiet.size > 50 else 0.0
+    return float(min(max(0.01 * top, noise), 0.05 * top))
+
+
+def widened(mask: np.ndarray, reach: int) -> np.ndarray:
+    """Return which samples are within `reach` of one that a mask, bool, shape (N,), selects."""
+    count = np.concatenate(([0], np.cumsum(mask)))
+    index = np.arange(len(mask))
+    return count[np.minimum(index + reach + 1, len(mask))] > count[np.maximum(index - reach, 0)]
+
+
+def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
+              bandwidth: float | None) -> np.ndarray:
+    """Return which samples show friction; raises `InputError` if too few are in motion.
+
+    Unless too few would remain, those near standstill and gaps are left out, where the filter mixes
+    in samples without motion, and slow ones near a rest, where friction still builds up.
+    """
+    speed = np.abs(np.asarray(samples.velocity))
+    still = speed <= slowest
+    moving = ~still & ~unusable
+    ends = np.zeros(len(samples), dtype=bool)
+    for part in samples.segments():
+        ends[[part.start, part.stop - 1]] = True
+    filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if (
+        filters(bandwidth, samples.sample_time)) else 0
+    rest_samples = round(thresholds.REST / samples.sample_time)
+    # Without runs that are shorter than a rest.
+    rest = ~widened(~still, rest_samples // 2)
+    starts = widened(rest, rest_samples + rest_samples // 2)
+    starts &= speed < thresholds.PRESLIDING_SPEED * top_speed(speed)
+    for mask in (widened(still, filter_samples), widened(ends, filter_samples), starts):
+        remaining = moving & ~mask
+        if remaining.sum() > 0.8 * moving.sum():
+            moving = remaining
+    if moving.sum() < thresholds.FEWEST_SAMPLES:
+        limited = (unusable & ~still).sum() >= thresholds.FEWEST_SAMPLES
+        idle = limited and np.mean(samples.current[~still] == 0.0) > 0.5
+        raise InputError(
+            ('the current is zero in nearly all motion of the recordings, where the motor has to '
+             'move the joint (where a hand moves it, its torque may be the effort): ' if idle else
+             'the current is at a limit in nearly all motion of the recordings: '
+             if limited else 'the joint hardly moves in the recordings: '
+             if np.mean(still) > 0.5 else 'the recordings are short: ')
+            + f'{int(moving.sum())} samples of motion are too few')
+    return moving
+
+
+def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
+    """Return which samples refinement would fit, bool, (N,); InputError if they are too few."""
+    moved = model.differentiated(samples)
+    return in_motion(moved, np.zeros(len(moved), dtype=bool), standstill_speed(moved),
+                     model.settings.get('bandwidth'))
+
+
+def regimes_in(samples: Samples, start: np.ndarray, length: int = 1,
+               others: Sequence[np.ndarray] = ()) -> np.ndarray:
+    """Return the regime of motion of each row of `length` samples, shape (R,).
+
+    Regimes differ in position, velocity, acceleration and load; where other joints moved too, whose
+    positions are `others`, each (N,), in posture: a wrong term may fit one posture alone.
+    """
+    signals = others or (samples.position, samples.velocity, samples.acceleration, samples.load,
+                         samples.rigid_body)
+    return regimes_of([values[start + length // 2] for values in signals if values is not None],
+                      int(thresholds.REGIMES))
+
+
+def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
+    """Return the first sample of each row of `length` consecutive usable samples."""
+    starts = []
+    for part in samples.segments():
+        count = (part.stop - part.start) // length
+        complete = usable[part.start:part.start + count * length].reshape(count, length).all(axis=1)
+        starts.append(part.start + length * np.nonzero(complete)[0])
+    return np.concatenate(starts) if starts else np.empty(0, dtype=int)
+
+
+def smooth_settings(samples: Samples) -> dict[str, Any]:
+    """Return the settings of the widest filter without an encoder's steps."""
+    choices, most = resolved_settings(samples), min(20.0, _WIDEST / samples.sample_time)
+    return max((choice for choice in choices if choice['bandwidth'] <= most),
+               key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
+
+
+def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.ndarray]:
+    """Return samples with a smooth velocity, and the indices of (some of) those in motion.
+
+    Without a filter, an encoder's steps look like standstill and bursts.
+    """
+    smooth = smooth_settings(samples)
+    moved = differentiate(samples, smooth)
+    usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
+    speed = np.abs(np.asarray(moved.velocity))
+    fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
+    # A smooth velocity is wrong where friction changes its sign.
+    usable = fast if fast.sum() > 0.5 * usable.sum() else usable
+    return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
+
+
+def beyond_limit(samples: Samples, at_limit: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """Return which samples at a limit of the current would be beyond it, bool, shape (N,).
+
+    A current that is cut off is larger than recorded; one that a step of a command holds is what it
+    says. A plain drive, fitted to what is not `beside` a limit, tells them apart at each end: it
+    predicts a current that is cut off beyond the limit, by more than its error.
+    """
+    moved, start = smooth_motion(*excerpt(samples, beside))
+    speed = np.abs(np.asarray(moved.velocity))
+    every = plain_columns(
+        moved, (np.percentile(speed[start], 95) * np.array(TRANSITIONS)).tolist())
+    sums = BlockSums.over(np.vstack((every[start].T, moved.current[start])),
+                          regimes_in(moved, start))
+    inner = range(every.shape[1])
+    error = math.sqrt(float(sums.held_out_errors(inner).sum()) / len(start))
+    excess, cut = every @ sums.fit(inner) - moved.current, at_limit.copy()
+    for side in (1.0, -1.0):
+        end = at_limit & (side * (samples.current - np.median(samples.current)) > 0.0)
+        there = excerpt(samples, end)[1] & (speed > standstill_speed(moved))
+        if there.any() and float(np.median(side * excess[there])) < error:
+            cut[end] = False
+    return cut
+
+
+def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
+    """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
+
+    By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
+    if the load lowers the error of parts that were not fitted, with half to twice this
+    coefficient, the motor carries it, and its coefficient is fitted as that of an effect. If it
+    does not, but the load overcomes friction or accelerates the joint, then a person moves it, and
+    the current is that of a compensation law or zero: the known coefficient has to be used. A
+    sensor behind the gear may show the torque of the motor on the links instead, of the other sign:
+    then friction and inertia alone predict parts that were not fitted, without a weight, and only
+    with that sign. The current shows that torque: again its coefficient is fitted.
+    """
+    if samples.load is None or not np.any(samples.load):
+        return 0.0
+    mechanics = -1.0 / drive.torque_per_current
+    moved, start = smooth_motion(*excerpt(samples, unusable))
+    part = moved.take(start)
+    # Whether a load moves the joint is no question of other motion: parts of time.
+    block = np.arange(len(start)) * int(thresholds.REGIMES) // len(start)
+    velocity, load = np.asarray(part.velocity), np.asarray(part.load)
+    columns = plain_columns(part.with_(load=None))
+    plain = range(columns.shape[1])
+    sums = BlockSums.over(np.vstack((columns.T, load, part.current)), block)
+    without, fitted = (float(sums.held_out_errors(some).sum())
+                       for some in (plain, [*plain, len(plain)]))
+    shown = sums.fit([*plain, len(plain)])[-1] / mechanics
+    if fitted < (1.0 - thresholds.LEAST_SHARE) * without and 0.5 < shown < 2.0:
+        return 0.0
+    # Its mean power against friction: that of its Coulomb and viscous columns, since gravity and
+    # inertia return what they take. The blocks left out in turn give its standard error, and that
+    # of the inertia, the column after these.
+    last = len(TRANSITIONS) + 2
+    fits = BlockSums.over(np.vstack((columns.T, load)), block).fits(
+        plain, 1.0 - np.eye(int(block.max()) + 1))
+    power = fits[:, 1:last] @ (columns[:, 1:last].T @ velocity)
+    # With twice the usual margin, since a sensor's load of the wrong sign would count twice.
+    moves = any(values.mean() > 2.0 * thresholds.STANDARD_ERRORS * np.sqrt(
+        (len(values) - 1) * np.var(values)) for values in (power, fits[:, last]))
+    # Inertia is the last of these columns, of which none is a weight.
+    inner, turned = columns[:, :last + 1], part.current + mechanics * load
+    given = part.current - mechanics * load
+    of_given, of_turned = (held_out_error(inner, target, block) for target in (given, turned))
+    # Of its own size: a part of friction has the same shape, and a smaller error.
+    if (of_turned * (given @ given) < (1.0 - thresholds.LEAST_SHARE) * of_given * (turned @ turned)
+            and of_turned < (1.0 + thresholds.LEAST_SHARE) * held_out_error(columns, given, block)):
+        return 0.0
+    return mechanics if moves else 0.0
+
+
+def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
+                           load: float) -> dict[str, Any]:
+    """Return the differentiation settings with which a plain drive predicts other regimes best.
+
+    `joints` and `load` are those of `Rows`.
+    """
+    samples, unusable = excerpt(samples, unusable)
+    joints = joints if samples.rigid_body is None else ()
+    if load:
+        samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
+                                load=None)
+    smoothed, start = smooth_motion(samples, unusable)
+    block = regimes_in(smoothed, start)
+    errors: list[tuple[float, dict[str, Any]]] = []
+
+    def error_with(moved: Samples, settings: dict[str, Any]) -> float:
+        part = moved.take(start)
+        if not np.percentile(np.abs(np.asarray(part.velocity)), 95) > 0.0:
+            # Without a filter, a coarse encoder stands still in nearly all samples.
+            return math.inf
+        motion = arm_motion(samples, joints, settings)
+        columns = plain_columns(part, (), motion and tuple(signal[start] for signal in motion),
+                                joints.index(samples.joint) if joints else 0)
+        return held_out_error(columns, part.current, block)
+    # The load first, since noise in motion may make up for its noise.
+    smooth = smooth_settings(samples)
+    signals = choose_signals(samples, lambda name, bandwidth: error_with(smoothed.with_(**{
+        name: prepared_signal(samples, getattr(samples, name), bandwidth)}), smooth))
+    for choice in resolved_settings(samples):
+        if signals:
+            choice['signals'] = signals
+        errors.append((error_with(differentiate(samples, choice), choice), choice))
+    least = min(error for error, _ in errors)
+    # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
+    # current a plain drive explains, the less its error says about the bandwidth.
+    unexplained = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
+    most = ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least
+    # Between two sources with the same bandwidth the later one, the recorded velocity, wins.
+    return max((choice for error, choice in reversed(errors) if error <= most),
+               key=lambda choice: choice['bandwidth'])
+
+
+def choose_signals(samples: Samples, error: Callable[[str, float], float]) -> dict[str, Any]:
+    """Return the bandwidths of measured signals with which other regimes are predicted best.
+
+    `error` returns the squared error by the name of a signal and its bandwidth, Hz.
+    """
+    chosen: dict[str, Any] = {}
+    for name in MEASURED:
+        values = getattr(samples, name)
+        if values is None or not np.ptp(values) > 0.0:
+            continue
+        rate = 1.0 / samples.sample_time
+        errors = {value: error(name, value) for value in (
+            *(value for value in _SIGNAL_BANDWIDTHS if value <= _WIDEST * rate), 0.5 * rate)}
+        most = (1.0 + thresholds.EQUIVALENT) ** 2 * min(errors.values())
+        bandwidth = max(value for value, error_ in errors.items() if error_ <= most)
+        if not np.array_equal(prepared_signal(samples, values, bandwidth), values):
+            chosen[name] = {'bandwidth': bandwidth}
+    return chosen
+
+
+def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings for the motion of all joints, from position if velocity was not recorded."""
+    settings = {name: value for name, value in settings.items()
+                if name not in ('signals', 'time_constant')}
+    if samples.arm is not None and samples.arm.velocity is None:
+        return {**settings, 'source': 'position'}
+    return settings
+
+
+def arm_motion(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
+               ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return position, velocity and acceleration, each (N, J), of joints; None without joints."""
+    return moving_states(samples, joints, settings_for_arm(samples, settings)) if joints else None
+
+
+def moving_joints(samples: Samples) -> tuple[str, ...]:
+    """Return all joints that moved, none where no other did.
+
+    Beside known rigid bodies they are neighbours: only these have friction in common.
+    """
+    arm, joint = samples.arm, samples.joint
+    if arm is None or samples.coupling is not None or joint not in arm.joints:
+        return ()
+    names, own = arm.joints, arm.joints.index(joint)
+    if samples.rigid_body is not None:
+        names = names[max(0, own - 1):own + 2]
+    span = np.ptp(arm.of(names).position, axis=0)
+    names = tuple(name for name, moved in zip(names, span) if moved > 1e-3 or name == joint)
+    return names if len(names) > 1 else ()
+
 
 _SLOWEST_RATE = 100.0
 # A limit occurs more often than this multiple of the value next to it. At its turning points, a
@@ -86,7 +455,7 @@ class Rows:
     def with_settings(self, raw: Samples, settings: dict[str, Any]) -> Rows:
         """Return the rows with the motion of other differentiation settings."""
         return replace(self, samples=differentiate(raw, settings),
-                       motion=recorded_motion.arm_motion(raw, self.joints, settings))
+                       motion=arm_motion(raw, self.joints, settings))
 
     def averaged(self, values: np.ndarray) -> np.ndarray:
         """Return averages of values, shape (N,) or (N, M), over each row's samples."""
@@ -179,22 +548,22 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     """
     at_limit, reach = clipped(samples.current), round(thresholds.NEAR_LIMIT / samples.sample_time)
     # Their neighbours are below the limit if their noise is: a fit to these alone would be bent.
-    unusable = recorded_motion.widened(at_limit, reach)
+    unusable = widened(at_limit, reach)
     if at_limit.any():
-        at_limit = recorded_motion.beyond_limit(samples, at_limit, unusable)
-        unusable = recorded_motion.widened(at_limit, reach)
-    joints = recorded_motion.moving_joints(samples)
-    load = recorded_motion.load_coefficient(samples, unusable, drive) if declared else 0.0
-    settings = settings or recorded_motion.choose_differentiation(samples, unusable, joints, load)
+        at_limit = beyond_limit(samples, at_limit, unusable)
+        unusable = widened(at_limit, reach)
+    joints = moving_joints(samples)
+    load = load_coefficient(samples, unusable, drive) if declared else 0.0
+    settings = settings or choose_differentiation(samples, unusable, joints, load)
     moved = differentiate(samples, settings)
-    slowest = recorded_motion.standstill_speed(moved)
-    usable = recorded_motion.in_motion(moved, unusable, slowest, settings['bandwidth'])
-    motion = recorded_motion.arm_motion(samples, joints, settings)
+    slowest = standstill_speed(moved)
+    usable = in_motion(moved, unusable, slowest, settings['bandwidth'])
+    motion = arm_motion(samples, joints, settings)
     length = samples_per_row(moved, int(usable.sum()))
-    start = thinned(recorded_motion.row_starts(moved, usable, length))
+    start = thinned(row_starts(moved, usable, length))
     # Rigid bodies are the same in all postures.
     others = list(motion[0].T) if motion and samples.rigid_body is None else []
-    block = recorded_motion.regimes_in(moved, start, length, others)
+    block = regimes_in(moved, start, length, others)
     order = np.argsort(block, kind='stable')
     target = moved.current - load * np.asarray(moved.load) if load else moved.current
     # Squares of smaller numbers are 0; an effort that was never set can hold such numbers.
@@ -220,7 +589,7 @@ def choose_transition(rows: Rows) -> float:
         part = part.with_(load=None)
     best = (math.inf, speed)
     for width in np.geomspace(0.001, 0.25, 12) * speed:
-        error = held_out_error(recorded_motion.plain_columns(part, [width]), target, rows.block)
+        error = held_out_error(plain_columns(part, [width]), target, rows.block)
         if error < (1.0 - thresholds.EQUIVALENT) * best[0]:
             best = (error, float(width))
     return best[1]

@@ -14,7 +14,6 @@ from friction_comp.model.effects import Coverage
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.number_text import in_own_units
-from friction_comp.refinement.dependence import Dependence
 from friction_comp.samples import Samples
 
 TRUST, IN_PART, AGAIN = 'trust', 'trust in part', 'record again'
@@ -98,6 +97,15 @@ class Finding:
     text: str  # one sentence, for people
     grade: str = TRUST  # the best verdict that this finding allows: `TRUST` for a mere note
     record: str = ''  # a recording that would settle it; empty if none would
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """A variable on which the residual depends."""
+
+    variable: str
+    strength: float  # share of the residual's variance that it explains, 0..1, beyond chance
+    note: str
 
 
 @dataclass(frozen=True)

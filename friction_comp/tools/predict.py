@@ -87,7 +87,7 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
              predicted: np.ndarray) -> tuple[list[str], list[str]]:
     """Return the errors in words, and remarks on where the model cannot be believed."""
     from friction_comp.model.measured import LARGER
-    from friction_comp.refinement.recorded_motion import moving
+    from friction_comp.refinement.prepare import moving
     from friction_comp.statistics import rms
 
     residual, unit = measured - predicted, model.unit
