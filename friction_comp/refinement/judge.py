@@ -30,6 +30,7 @@ from friction_comp.refinement.effect_columns import Table
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import (
     AGAIN,
+    Dependence,
     Errors,
     Finding,
     FoundEffect,
