@@ -1,15 +1,24 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks numbers and sections of input files, with uniform error messages."""
+"""Checks numbers and sections of input files, with uniform error messages.
+
+The schema of a file is made of readers: `number`, `interval`, `listed`, `mapping` and, for
+dataclasses whose fields say what they take, `section`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import field, fields, MISSING
 import math
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, TypeVar
 
 from friction_comp.errors import InputError
+
+T = TypeVar('T')
+Reader = Callable[[Any, str], Any]
+"""Returns a value of a file, called by a name in errors; raises InputError if it is no such."""
 
 
 def check_number(value: Any, name: str, *, above: float = -math.inf, least: float = -math.inf,
@@ -80,9 +89,9 @@ def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -
 
 def check_list(value: Any, name: str) -> list[Any]:
     """Return a list of a file, empty for None; raises InputError if it is not a list."""
-    if value is not None and not isinstance(value, list):
+    if value is not None and not isinstance(value, (list, tuple)):
         raise InputError(f'{name} is not a list')
-    return value or []
+    return list(value or ())
 
 
 def check_document(value: Any, kind: str, format_name: str, version: int,
@@ -96,3 +105,58 @@ def check_document(value: Any, kind: str, format_name: str, version: int,
     if value.get('version') != version:
         raise InputError(f'{kind} of version {value.get("version")!r}, not {version}')
     return check_mapping(value, kind, known)
+
+
+def number(**bounds: float) -> Reader:
+    """Return a reader of a number within bounds, see `check_number`."""
+    return lambda value, name: check_number(value, name, **bounds)
+
+
+def whole_number(**bounds: float) -> Reader:
+    """Return a reader of a whole number within bounds, see `check_whole_number`."""
+    return lambda value, name: check_whole_number(value, name, **bounds)
+
+
+def listed(item: Reader) -> Reader:
+    """Return a reader of a list, to a tuple; nothing is an empty one."""
+    return lambda value, name: tuple(item(one, name) for one in check_list(value, name))
+
+
+def mapping(items: Mapping[str, Reader] | Reader, known: Collection[str] | None = None) -> Reader:
+    """Return a reader of a mapping: of known entries, or all alike; what is None stays so."""
+    def read(value: Any, name: str) -> dict[str, Any]:
+        entries = check_mapping(value or {}, name, items if isinstance(items, Mapping) else known)
+        return {str(key): None if one is None else (
+            items[key] if isinstance(items, Mapping) else items)(one, f'{name}.{key}')
+            for key, one in entries.items()}
+    return read
+
+
+def section(kind: Callable[..., T]) -> Callable[[Any, str], T]:
+    """Return a reader of a mapping with the fields of a dataclass, to one of these."""
+    def read(value: Any, name: str) -> T:
+        known = {one.name: one for one in fields(kind)}  # type: ignore[arg-type]
+        check_mapping(value, name, known)
+        missing = [name for name, one in known.items() if one.default is MISSING
+                   and one.default_factory is MISSING and name not in value]
+        if missing:
+            raise InputError(f'{name}.{missing[0]} is missing')
+        return kind(**{name: one for name, one in value.items() if one is not None})
+    return read
+
+
+def stated(read: Reader, default: Any = MISSING) -> Any:
+    """Return the field of a `Checked` dataclass, which `read` checks; a default may be None."""
+    return field(default=default, metadata={'read': read})
+
+
+class Checked:
+    """Dataclasses whose `stated` fields are checked, called by the class's name in errors."""
+
+    def __post_init__(self) -> None:
+        called = type(self).__name__.lower()
+        for one in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, one.name)
+            if 'read' in one.metadata and (value is not None or one.default is not None):
+                object.__setattr__(self, one.name, one.metadata['read'](
+                    value, f'{called}.{one.name}'))

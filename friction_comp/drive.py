@@ -7,11 +7,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from friction_comp.checks import check_number
+from friction_comp.checks import check_number, Checked, number, stated, whole_number
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(Checked):
     """A motor with gears, described at the joint (the gear's output).
 
     Parameters
@@ -31,15 +31,13 @@ class Drive:
         If a number is not finite or not positive, or k_t · n is absurd.
     """
 
-    torque_constant: float
-    gear_ratio: float
-    encoder_counts: int | None = None
-    current_limit: float = 3.0
+    torque_constant: float = stated(number(above=0.0))
+    gear_ratio: float = stated(number(above=0.0))
+    encoder_counts: int | None = stated(whole_number(least=1), None)
+    current_limit: float = stated(number(above=0.0), 3.0)
 
     def __post_init__(self) -> None:
-        for name in ('torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'):
-            if name != 'encoder_counts' or self.encoder_counts is not None:
-                check_number(getattr(self, name), f'drive.{name}', above=0.0)
+        super().__post_init__()
         check_number(self.torque_per_current, 'drive.torque_constant times drive.gear_ratio',
                      least=1e-9, most=1e9)
 

@@ -16,8 +16,7 @@ from friction_comp.control.feed_forward import changes, feed_forward
 from friction_comp.errors import InputError
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.effects import EFFECTS, RESISTS
-from friction_comp.model.effects.history_effects import Temperature
-from friction_comp.model.effects.torque_effects import Inertia, LoadFriction
+from friction_comp.model.effects.kinds import Inertia, LoadFriction, Temperature
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid

@@ -21,7 +21,7 @@ from friction_comp.compensation.law_parameters import (
     SHARE,
 )
 from friction_comp.compensation.tank_operator import EARLY, FILL, LATER, REST_TIME, STILL
-from friction_comp.model.effects.history_effects import Hysteresis
+from friction_comp.model.effects.kinds import Hysteresis
 from friction_comp.model.friction_model import Presliding
 from friction_comp.model.measured import Recorded
 from friction_comp.simulation.joint_parameters import GEARS

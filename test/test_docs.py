@@ -19,7 +19,7 @@ from friction_comp import __version__
 from friction_comp.__main__ import main, NODES, TOOLS
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.torque_effects import Inertia
+from friction_comp.model.effects.kinds import Inertia
 from friction_comp.recordings import write_samples
 from friction_comp.samples import Samples
 from friction_comp.tools.common import Arguments

@@ -12,7 +12,7 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.model.effects import Coverage, EFFECTS
 from friction_comp.model.effects.base import LiveTerm, Signals
-from friction_comp.model.effects.history_effects import Backlash, Hysteresis
+from friction_comp.model.effects.kinds import Backlash, Hysteresis
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
@@ -26,6 +26,7 @@ LIVE = [name for name in EFFECTS if name not in (
     'warm_up', 'inertia', 'load_torque', 'offset_drift')]
 COVERAGE = Coverage(transition=0.02, speed=1.0, slowest=0.01, lowest=-1.0, highest=1.0,
                     duration=100.0, resolution=1e-5)
+SIGNALS = {'temperature': 60.0, 'load': -20.0, 'rigid_body': 3.0, 'coupling': 0.2}
 MOTION = samples_of(np.sin(0.013 * np.arange(500)), 1.3 * np.cos(0.013 * np.arange(500)))
 
 
@@ -156,10 +157,9 @@ def test_live_no_friction_at_standstill_and_nothing_infinite_anywhere(name, data
         # Clocks that stand still or run back, and jumps of the position, happen with real drivers.
         time += float(rng.choice([0.001, 0.0, -0.5, 10.0]))
         speed = float(rng.choice([0.0, 1e-300, -0.001, 0.5, -30.0]))
-        assert math.isfinite(term.update(
-            time, float(rng.uniform(-50, 50)), speed, 60.0, -20.0, 3.0, 0.2))
+        assert math.isfinite(term.update(time, float(rng.uniform(-50, 50)), speed, **SIGNALS))
     place = float(rng.uniform(-2, 2))
-    _, here, again = (term.update(time + step, place, rest, 60.0, -20.0, 3.0, 0.2)
+    _, here, again = (term.update(time + step, place, rest, **SIGNALS)
                       for step, rest in ((0.0, 0.0), (0.001, 0.0), (0.002, -0.0)))
     if name in HOLDS or (name == 'bump' and not parameters['directional']):
         assert here == again
@@ -175,9 +175,9 @@ def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
     samples = samples_of(position, np.gradient(position, time), step=0.005)
     effect = EFFECTS[name](defaults(name))
     term, offline = LiveTerm(effect), effect.current(samples)
-    signals = (samples.position, samples.velocity, samples.temperature, samples.load,
-               samples.rigid_body, samples.coupling)
-    live = np.array([term.update(*sample) for sample in zip(samples.time, *signals)])
+    signals = {name: getattr(samples, name)[0] for name in SIGNALS}
+    motion = list(zip(samples.time, samples.position, samples.velocity))
+    live = np.array([term.update(*sample, **signals) for sample in motion])
     known = np.abs(samples.velocity) > 0.1
     if name in ('hysteresis', 'backlash'):
         known &= samples.time > 1.0
@@ -186,7 +186,7 @@ def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
     assert live[known] == pytest.approx(offline[known], abs=tolerance)
     # A reset clears the history of the motion.
     term.reset()
-    again = [term.update(*sample) for sample in zip(samples.time[:100] + 8.0, *signals)]
+    again = [term.update(time + 8.0, *sample, **signals) for time, *sample in motion[:100]]
     assert again == pytest.approx(live[:100], rel=1e-9, abs=1e-12)
 
 

@@ -15,9 +15,9 @@ import yaml
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_numbers import loss_of, simulator_joint
 from friction_comp.model.measured import Recorded
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.model.simulator_joint import loss_of, simulator_joint
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 

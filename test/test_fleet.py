@@ -14,7 +14,6 @@ from friction_comp.fleet.population import ERROR, population_of, spread_of, Valu
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.model.simulator_joint import simulator_joint
 from friction_comp.reports.fleet_page import each_page
 from friction_comp.samples import Samples
 
@@ -89,18 +88,6 @@ def test_mean_spread_and_range_are_those_of_the_population(population):
     # The same noise in all units.
     assert by_name[ERROR].mean == pytest.approx(0.01, rel=0.1)
     assert not by_name['offset'].varies
-
-
-def test_the_exported_ranges_are_those_of_further_units(population, tmp_path):
-    model = population.model
-    model.save(tmp_path / 'population.yaml')
-    joint = simulator_joint(replace(FrictionModel.load(tmp_path / 'population.yaml'), notes={
-        **model.notes, 'unit': 'N·m'}), 'json')
-    for parameter in population.parameters[:4]:
-        low, high = joint.ranges[parameter.name]
-        assert [low, high] == pytest.approx(parameter.range, rel=1e-6, abs=1e-6)
-        assert low < getattr(joint, parameter.name) < high
-    assert joint.ranges_are.endswith('from 37 units of a fleet')
 
 
 def test_odd_units_do_not_hide_each_other_and_a_clean_fleet_has_none():

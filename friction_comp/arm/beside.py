@@ -223,7 +223,7 @@ class Beside:
             JointTerm(kind, constants, None, joint) for kind in EFFECTS.values()
             if kind.variable in ('position', 'load') and not kind.uses_inner_load
             # The columns of the links hold all weight.
-            and not kind.weight and not kind.insufficient_data(coverage)
+            and not kind.weight and kind.can_show(coverage)
             and all((signal := getattr(samples, name)) is not None and np.isfinite(signal).all()
                     for name in kind.needs)
             for constants in kind.propose(view)]

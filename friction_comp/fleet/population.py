@@ -167,8 +167,7 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
     for (one, _, _), parameter in zip(compared[:-1], parameters):
         means[one.column] = parameter.mean
     model = replace(common.model(means, like), notes={
-        'units': int(len(names) - out.sum()), 'unit': unit, 'range_of_units': {
-            parameter.name: list(parameter.range) for parameter in parameters}})
+        'units': int(len(names) - out.sum()), 'unit': unit})
     return Population(
         joint=like.joint, unit=unit, units=names.tolist(), recordings=len(recordings),
         parameters=parameters, model=model)

@@ -9,7 +9,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from friction_comp.checks import check_mapping, check_number
+from friction_comp.checks import mapping, number
 from friction_comp.errors import InputError
 from friction_comp.samples import Samples
 from friction_comp.statistics import median
@@ -32,22 +32,23 @@ _REPEATED = 0.1
 _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
 
-def settings_of(section: Any, name: str) -> dict[str, Any]:
-    """Return the differentiation settings of a section of a model file, called `name` in errors."""
-    check_mapping(section, name,
-                  ('method', 'source', 'bandwidth', 'lag', 'time_constant', 'signals'))
-    method = section.get('method', METHOD)
-    if method != METHOD:
-        raise InputError(f'{name}.method must be {METHOD!r}, not {method!r}')
-    signals = check_mapping(section.get('signals') or {}, f'{name}.signals', MEASURED)
-    parts = {name: section, **{f'{name}.signals.{signal}': check_mapping(
-        own, f'{name}.signals.{signal}', ('bandwidth', 'lag')) for signal, own in signals.items()}}
-    for where, part in parts.items():
-        if part.get('bandwidth') is not None:
-            check_number(part['bandwidth'], f'{where}.bandwidth', above=0.0)
-        for key in ('lag', 'time_constant'):
-            check_number(part.get(key) or 0.0, f'{where}.{key}')
-    return dict(section)
+def _method(value: Any, name: str) -> Any:
+    if value != METHOD:
+        raise InputError(f'{name} must be {METHOD!r}, not {value!r}')
+    return value
+
+
+def _source(value: Any, name: str) -> Any:
+    if value not in ('position', 'velocity'):
+        raise InputError(f"{name} must be 'position' or 'velocity', not {value!r}")
+    return value
+
+
+_SIGNAL = {'bandwidth': number(above=0.0), 'lag': number()}
+settings_of = mapping({
+    'method': _method, 'source': _source, 'time_constant': number(), **_SIGNAL,
+    'signals': mapping(mapping(_SIGNAL), MEASURED)})
+"""Reads the differentiation settings of a section of a model file; see `differentiate`."""
 
 
 def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
@@ -63,11 +64,9 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     pass, None without filter; ``lag``, s by which torque follows the recorded current: motion, load
     and temperature are then those of the time t + lag; and ``signals``, how each of `MEASURED` is
     prepared before, see `prepared_signal`. ``time_constant`` is left to `as_recorded`. Raises
-    InputError if a setting is unknown, or the velocity is needed and not recorded.
+    InputError if the velocity is needed and not recorded.
     """
     source, bandwidth = settings.get('source', 'position'), settings.get('bandwidth')
-    if source not in ('position', 'velocity'):
-        raise InputError(f"differentiation.source must be 'position' or 'velocity', not {source!r}")
     if source == 'velocity' and samples.velocity is None:
         raise InputError('the model needs the recorded velocity, but the recording has none')
     velocity = np.zeros(len(samples))

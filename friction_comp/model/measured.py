@@ -10,33 +10,25 @@ import math
 
 import numpy as np
 
-from friction_comp.checks import check_number
+from friction_comp.checks import check_interval, Checked, listed, mapping, number, stated
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.samples import Samples
 from friction_comp.statistics import evenly_spread, rms
 
+_SIZE, _POSITIVE = number(least=0.0), number(above=0.0)
+
 
 @dataclass(frozen=True)
-class Breakaway:
+class Breakaway(Checked):
     """Breakaway currents of Eq. 9 and 10, A, signed, and the positions where measured, rad."""
 
-    positive_mean: float
-    negative_mean: float
-    positive_std: float = 0.0
-    negative_std: float = 0.0
-    positive_position: float | None = None
-    negative_position: float | None = None
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if value is not None or name.endswith('_mean'):
-                check_number(value, f'breakaway.{name}',
-                             least=0.0 if name.endswith('_std') else -math.inf)
-        if self.positive_mean < 0 or self.negative_mean > 0:
-            raise InputError(
-                'breakaway currents must have the sign of their direction, not '
-                f'{self.positive_mean} and {self.negative_mean}')
+    positive_mean: float = stated(_SIZE)
+    negative_mean: float = stated(number(most=0.0))
+    positive_std: float = stated(_SIZE, 0.0)
+    negative_std: float = stated(_SIZE, 0.0)
+    positive_position: float | None = stated(number(), None)
+    negative_position: float | None = stated(number(), None)
 
     @property
     def friction(self) -> float:
@@ -60,20 +52,14 @@ class Breakaway:
 
 
 @dataclass(frozen=True)
-class Presliding:
+class Presliding(Checked):
     """Displacement of the gear before it slides, from current ramps."""
 
-    distance: float     # rad, from rest without load until friction is at 95 % of breakaway
-    stiffness: float | None = None      # A/rad, of friction up to a third of breakaway
-    std: float | None = None            # standard deviation between single rests, rad
-    backlash: float | None = None       # rad, not part of distance; 0 if there is none
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if name == 'backlash' and value is not None:
-                check_number(value, 'presliding.backlash', least=0.0)
-            elif value is not None or name == 'distance':
-                check_number(value, f'presliding.{name}', above=0.0)
+    # rad, from rest without load until friction is at 95 % of breakaway
+    distance: float = stated(_POSITIVE)
+    stiffness: float | None = stated(_POSITIVE, None)   # A/rad, up to a third of breakaway
+    std: float | None = stated(_POSITIVE, None)     # standard deviation between single rests, rad
+    backlash: float | None = stated(_SIZE, None)    # rad, not part of distance; 0 if there is none
 
 
 # Share of its range by which a signal may be beyond it, as effects are believed there, and share of
@@ -118,21 +104,34 @@ SIGNALS_OF_ROWS = ('time', 'position', 'velocity', 'acceleration', 'load', 'temp
 
 
 @dataclass(frozen=True)
-class Recorded:
+class Recorded(Checked):
     """What a model file keeps of the recordings it was fitted to."""
 
-    speeds: tuple[float, ...] = ()  # quantiles of the speed in motion, rad/s, the lowest first
+    # Quantiles of the speed in motion, rad/s, the lowest first.
+    speeds: tuple[float, ...] = stated(listed(_POSITIVE), ())
     # 95 % intervals by parameter, in the model's unit of current, of `LINE`, inertia, transition,
     # and Coulomb with Stribeck friction (static).
-    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict, metadata={
+        'read': mapping(check_interval, INTERVALS)})
     # Lowest and highest value in motion, of each of `signals_read`.
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
-    error: float | None = None  # to expect in motion of another recording, RMS, A
-    load: float = 0.0  # mean measured load in motion, N·m
-    sample_time: float | None = None  # the longest of the recordings, s: `error` is at this rate
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict, metadata={
+        'read': mapping(check_interval)})
+    error: float | None = stated(_SIZE, None)   # to expect in motion of another recording, RMS, A
+    load: float = stated(number(), 0.0)         # mean measured load in motion, N·m
+    # The longest of the recordings, s: `error` is at this rate.
+    sample_time: float | None = stated(_SIZE, None)
     # Some states of the recorded motion, evenly spread: `position`, `velocity` and what else the
     # effects read, by the names of `Samples`, each (R,); see `friction_numbers.states_of`.
-    rows: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    rows: dict[str, tuple[float, ...]] = field(default_factory=dict, metadata={
+        'read': mapping(listed(number()), SIGNALS_OF_ROWS)})
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        rows = self.rows
+        if rows and (not {'position', 'velocity'} <= rows.keys() or not rows['position']
+                     or len(set(map(len, rows.values()))) > 1):
+            raise InputError(
+                'recorded.rows must have position and velocity, and all as many values')
 
     def with_ranges(self, samples: Samples, effects: Iterable[Effect]) -> Recorded:
         """Return it with ranges and rows of samples in motion, which effects were fitted to."""
@@ -158,17 +157,14 @@ class Recorded:
         Like other effects, friction is believed for a quarter of the range beyond it, and a load
         for the error to expect. Of an angle, a turn is all there is.
         """
-        # Files of earlier versions have the speeds alone.
-        ranges = self.ranges or ({'speed': (0.0, self.speeds[-1])} if self.speeds else {})
         notes = []
         for name, values in signals_read(samples, effects).items():
-            low, high = ranges.get(name, (-math.inf, math.inf))
+            low, high = self.ranges.get(name, (-math.inf, math.inf))
             unit, least = _SIGNALS.get(name, _OF_OTHER)
             if name == 'load':
                 least = (self.error or 0.0) * torque_per_current
             more = max(_BEYOND * (high - low), least)
-            share = float(np.mean((values < low - more) | (values > high + more))) if (
-                len(values)) else 0.0
+            share = float(np.mean((values < low - more) | (values > high + more)))
             whole_turn = name.startswith('position') and not linear and high - low >= 2.0 * math.pi
             if share >= _MUCH and not whole_turn:
                 notes.append(

@@ -8,25 +8,27 @@ each joint, and once what they share, the links.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import fields, MISSING
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from friction_comp.checks import (
     check_document,
     check_interval,
-    check_list,
     check_mapping,
-    check_number,
+    listed,
+    mapping,
+    number,
     one_of,
+    Reader,
+    section,
 )
 from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml, write_yaml
 from friction_comp.model.differentiation import settings_of
 from friction_comp.model.effects import Effect, EFFECTS
-from friction_comp.model.measured import Breakaway, INTERVALS, Presliding, Recorded, SIGNALS_OF_ROWS
+from friction_comp.model.measured import Breakaway, Presliding, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.results import plain
 
@@ -35,8 +37,6 @@ FORMAT, ARM_FORMAT, VERSION = 'friction_comp_model', 'friction_comp_arm', 1
 _MEASURED = {'sigmoid', 'breakaway', 'presliding', 'effects', 'lookup_table', 'recorded', 'arm'}
 _OF_BREAKAWAY = ('mean', 'std', 'position')
 _SIDES = ('positive', 'negative')
-
-T = TypeVar('T')
 
 
 def read_model(path: str | Path, joint: str | None = None) -> dict[str, Any]:
@@ -54,41 +54,33 @@ def read_model(path: str | Path, joint: str | None = None) -> dict[str, Any]:
 
 def arguments_of(document: Any) -> dict[str, Any]:
     """Return the arguments of the `FrictionModel` in a document; raises InputError."""
-    known = {'format', 'version', 'joint', 'drive', 'sigmoid', 'effects', *_OPTIONAL}
-    check_document(document, 'a model file', FORMAT, VERSION, known)
+    check_document(document, 'a model file', FORMAT, VERSION, {'format', 'version', *_SECTIONS})
     given = {name: value for name, value in document.items() if value is not None}
-    return {
-        'drive': _section(Drive, given.get('drive'), 'drive'),
-        'sigmoid': (_sigmoid(given.get('sigmoid')) if given.keys() & _MEASURED
-                    else Sigmoid(0.0, 0.0, 1.0)),
-        'effects': [_effect(entry) for entry in check_list(given.get('effects'), 'effects')],
-        'joint': str(given.get('joint', '')),
-        **{name: read(given[name]) for name, read in _OPTIONAL.items() if name in given}}
+    needed = {'drive', *(['sigmoid'] if given.keys() & _MEASURED else [])}
+    return {'sigmoid': Sigmoid(0.0, 0.0, 1.0), **{
+        name: read(given.get(name), name) for name, read in _SECTIONS.items()
+        if name in given or name in needed}}
 
 
 def document_of(model: Any) -> dict[str, Any]:
     """Return a `FrictionModel` as the plain values of its file."""
-    document: dict[str, Any] = {
-        'format': FORMAT, 'version': VERSION, 'joint': model.joint, 'drive': _entries(model.drive),
-        'sigmoid': {'coefficients': model.sigmoid.coefficients(), 'velocity_unit': 'rad/s'}}
-    if model.breakaway is not None:
-        known = _entries(model.breakaway)
-        document['breakaway'] = {side: {
-            what: known[f'{side}_{what}'] for what in _OF_BREAKAWAY
-            if f'{side}_{what}' in known} for side in _SIDES}
-    if model.presliding is not None:
-        document['presliding'] = _entries(model.presliding)
-    for name in ('position_limits', 'uncertainty'):
-        if getattr(model, name) is not None:
-            document[name] = getattr(model, name)
-    document['effects'] = [effect.to_dict() for effect in model.effects]
-    if model.recorded is not None:
-        document['recorded'] = _entries(model.recorded)
-    for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
-        if getattr(model, name):
-            document[name] = getattr(model, name)
-    if model.arm is not None:
-        document['arm'] = model.arm.to_dict()
+    document: dict[str, Any] = {'format': FORMAT, 'version': VERSION, 'joint': model.joint}
+    for name in _SECTIONS:
+        value = getattr(model, name)
+        if name in ('drive', 'presliding', 'recorded') and value is not None:
+            value = _entries(value)
+        elif name == 'sigmoid':
+            value = {'coefficients': value.coefficients(), 'velocity_unit': 'rad/s'}
+        elif name == 'breakaway' and value is not None:
+            known = _entries(value)
+            value = {side: {what: known[f'{side}_{what}'] for what in _OF_BREAKAWAY
+                            if f'{side}_{what}' in known} for side in _SIDES}
+        elif name == 'arm' and value is not None:
+            value = value.to_dict()
+        elif name == 'effects':
+            value = [effect.to_dict() for effect in value]
+        if value is not None and (value != {} or name == 'effects'):
+            document[name] = value
     return plain(document)
 
 
@@ -136,82 +128,41 @@ def _entries(section: Any) -> dict[str, Any]:
             if value is not None and value != {}}
 
 
-def _section(kind: type[T], section: Any, name: str) -> T:
-    known = fields(kind)  # type: ignore[arg-type]
-    check_mapping(section, name, [entry.name for entry in known])
-    for entry in known:
-        if entry.default is MISSING and entry.name not in section:
-            raise InputError(f'{name}.{entry.name} is missing')
-    return kind(**section)
+def _sigmoid(value: Any, name: str) -> Sigmoid:
+    check_mapping(value, name, ('coefficients', 'velocity_unit'))
+    return Sigmoid.from_coefficients(value.get('coefficients'), value.get('velocity_unit', 'rad/s'))
 
 
-def _sigmoid(section: Any) -> Sigmoid:
-    check_mapping(section, 'sigmoid', ('coefficients', 'velocity_unit'))
-    if not isinstance(section.get('coefficients'), list):
-        raise InputError('sigmoid.coefficients is missing or not a list')
-    return Sigmoid.from_coefficients(section['coefficients'], section.get('velocity_unit', 'rad/s'))
+def _breakaway(value: Any, name: str) -> Breakaway:
+    check_mapping(value, name, _SIDES)
+    return section(Breakaway)({
+        f'{side}_{what}': one for side in _SIDES for what, one in check_mapping(
+            value.get(side), f'{name}.{side}', _OF_BREAKAWAY).items()}, name)
 
 
-def _breakaway(section: Any) -> Breakaway:
-    check_mapping(section, 'breakaway', _SIDES)
-    sides = {side: check_mapping(section.get(side), f'breakaway.{side}', _OF_BREAKAWAY)
-             for side in _SIDES}
-    return Breakaway(**{
-        f'{side}_{what}': check_number(entry.get(what), f'breakaway.{side}.{what}')
-        for side, entry in sides.items() for what in _OF_BREAKAWAY
-        if what == 'mean' or entry.get(what) is not None})
-
-
-def _position_limits(section: Any) -> tuple[float, float]:
-    low, high = check_interval(section, 'position_limits')
+def _position_limits(value: Any, name: str) -> tuple[float, float]:
+    low, high = check_interval(value, name)
     if low == high:
-        raise InputError(f'position_limits must be two different positions, not {section!r}')
+        raise InputError(f'{name} must be two different positions, not {value!r}')
     return low, high
 
 
-def _numbers(values: Any, name: str, above: float = -float('inf')) -> tuple[float, ...]:
-    return tuple(check_number(value, name, above=above) for value in check_list(values, name))
-
-
-def _lookup_table(section: Any) -> dict[str, list[float]]:
-    check_mapping(section, 'lookup_table', ('speeds', 'currents', 'standard_deviations'))
-    table = {name: list(_numbers(values, f'lookup_table.{name}'))
-             for name, values in section.items()}
-    if len(table.get('speeds', ())) != len(table.get('currents', ())):
-        raise InputError('lookup_table: speeds and currents must have the same length')
+def _lookup_table(value: Any, name: str) -> dict[str, Any]:
+    table = mapping(dict.fromkeys(('speeds', 'currents', 'standard_deviations'),
+                                  listed(number())))(value, name)
+    if len(table.get('speeds') or ()) != len(table.get('currents') or ()):
+        raise InputError(f'{name}: speeds and currents must have the same length')
     return table
 
 
-def _recorded(section: Any) -> Recorded:
-    check_mapping(section, 'recorded', [entry.name for entry in fields(Recorded)])
-
-    def ends(name: str, known: tuple[str, ...] | None = None) -> dict[str, tuple[float, float]]:
-        part = check_mapping(section.get(name) or {}, f'recorded.{name}', known)
-        return {str(key): check_interval(value, f'recorded.{name}.{key}')
-                for key, value in part.items()}
-
-    def number(name: str, default: float | None = None, least: float = 0.0) -> Any:
-        value = section.get(name, default)
-        return None if value is None else check_number(value, f'recorded.{name}', least=least)
-    rows = {name: _numbers(values, f'recorded.rows.{name}') for name, values in check_mapping(
-        section.get('rows') or {}, 'recorded.rows', SIGNALS_OF_ROWS).items()}
-    if rows and (not {'position', 'velocity'} <= rows.keys() or not rows['position']
-                 or len(set(map(len, rows.values()))) > 1):
-        raise InputError('recorded.rows must have position and velocity, and all as many values')
-    return Recorded(
-        _numbers(section.get('speeds'), 'recorded.speeds', above=0.0), ends('intervals', INTERVALS),
-        ends('ranges'), number('error'), number('load', 0.0, -float('inf')), number('sample_time'),
-        rows)
-
-
-def _arm(section: Any) -> Any:
+def _arm(value: Any, name: str) -> Any:
     # Few files have one.
     from friction_comp.model.arm import Arm
 
-    return Arm.from_dict(check_mapping(section, 'arm'))
+    return Arm.from_dict(check_mapping(value, name))
 
 
-def _effect(entry: Any) -> Effect:
+def _effect(entry: Any, _: str) -> Effect:
     if not isinstance(entry, dict) or 'name' not in entry:
         raise InputError(f'an effect needs a name: {entry!r}')
     name = f"effect '{entry['name']}'"
@@ -226,15 +177,11 @@ def _effect(entry: Any) -> Effect:
         raise InputError(f'{name}: {error}') from None
 
 
-_OPTIONAL: dict[str, Callable[[Any], Any]] = {
-    'breakaway': _breakaway,
-    'presliding': lambda section: _section(Presliding, section, 'presliding'),
-    'position_limits': _position_limits,
-    'uncertainty': lambda value: check_number(value, 'uncertainty', least=0.0),
-    'lookup_table': _lookup_table,
-    'recorded': _recorded,
-    'differentiation': lambda section: settings_of(section, 'differentiation'),
-    'arm': _arm,
-    'simulation': lambda section: check_mapping(section, 'simulation'),
-    'notes': lambda section: check_mapping(section, 'notes')}
-"""Sections that a model file may have, and how each is read."""
+_SECTIONS: dict[str, Reader] = {
+    'joint': lambda value, _: str(value), 'drive': section(Drive), 'sigmoid': _sigmoid,
+    'breakaway': _breakaway, 'presliding': section(Presliding),
+    'position_limits': _position_limits, 'uncertainty': number(least=0.0),
+    'effects': lambda value, name: list(listed(_effect)(value, name)),
+    'recorded': section(Recorded), 'lookup_table': _lookup_table, 'differentiation': settings_of,
+    'simulation': check_mapping, 'notes': check_mapping, 'arm': _arm}
+"""The sections of a model file, by the fields of `FrictionModel`, and how each is read."""

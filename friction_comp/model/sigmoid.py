@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_comp.checks import check_number
+from friction_comp.checks import Checked, number, stated
 from friction_comp.errors import InputError
 
 VELOCITY_UNITS = {'rad/s': 1.0, 'deg/s': math.pi / 180.0}
@@ -26,7 +26,7 @@ def kinetic_current(velocity: Any, upper: float, lower: float, steepness: float,
 
 
 @dataclass(frozen=True)
-class Sigmoid:
+class Sigmoid(Checked):
     """Current that overcomes kinetic friction, as a function of joint velocity (Eq. 6).
 
     Eq. 6 has six coefficients but five degrees of freedom: c1, c3, c4 and c5 may be multiplied
@@ -38,15 +38,11 @@ class Sigmoid:
     ``shift = -ln(c4/c5)/c2`` and ``viscous = c6``.
     """
 
-    upper: float            # A, to which the transition tends at high positive velocity
-    lower: float            # A, the same at high negative velocity
-    steepness: float        # s/rad
-    shift: float = 0.0      # velocity of the transition's middle, rad/s
-    viscous: float = 0.0    # A·s/rad
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            check_number(value, f'sigmoid.{name}', above=0.0 if name == 'steepness' else -math.inf)
+    upper: float = stated(number())             # A, to which it tends at high positive velocity
+    lower: float = stated(number())             # A, the same at high negative velocity
+    steepness: float = stated(number(above=0.0))    # s/rad
+    shift: float = stated(number(), 0.0)        # velocity of the transition's middle, rad/s
+    viscous: float = stated(number(), 0.0)      # A·s/rad
 
     def __call__(self, velocity: ArrayLike) -> Any:
         """Return the current in A at joint velocity in rad/s, of the same shape."""

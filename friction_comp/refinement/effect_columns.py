@@ -255,7 +255,7 @@ def _proposed(table: Table, terms: Sequence[Term], kinds: Iterable[type[Effect]]
     return [
         Term(kind, constants) for kind in kinds
         if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
-        and not kind.insufficient_data(rows.coverage)
+        and kind.can_show(rows.coverage)
         and (view.load_shares or not kind.uses_inner_load)
         # The person's torque responds to friction: it correlates with every missing effect.
         and not (rows.load_coefficient and 'load' in kind.needs)

@@ -434,7 +434,7 @@ def _not_known(rows: Rows) -> Iterator[Finding]:
         yield Finding('not_known', 'No load was recorded: what a hand gives to the motion is '
                       'missing from friction.')
     unseen = [name.replace('_', ' ') for name, kind in EFFECTS.items()
-              if kind.insufficient_data(rows.coverage) and all(
+              if not kind.can_show(rows.coverage) and all(
                   getattr(samples, signal) is not None for signal in kind.needs)]
     if unseen:
         yield Finding('not_known', f'This motion cannot show: {", ".join(unseen)}.')

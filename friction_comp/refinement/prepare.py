@@ -621,5 +621,5 @@ def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Sampl
         reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
         rest_duration=float(np.sum(resting)) * samples.sample_time,
         distinct_positions=positions(raw.position[usable]),
-        median_speed=float(np.median(moves)), temperature_span=temperature_span,
+        temperature_span=temperature_span,
         speed_spread=float(np.std(moves) / np.mean(moves)))

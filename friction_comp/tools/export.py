@@ -24,7 +24,7 @@ from friction_comp.tools.common import Arguments
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.model.simulator_joint import SimulatorJoint
+    from friction_comp.model.friction_numbers import SimulatorJoint
 
 _FORMS = ('mujoco', 'urdf', 'sdf', 'csv', 'tanh', 'isaac', 'json')
 # Share of the torque below which what is missed is a rounding error.
@@ -37,8 +37,7 @@ def main(argv: list[str] | None = None) -> int:
         'output/refined/model.yaml --to mujoco --output output/elbow.xml',
         'output/refined/model.yaml --to isaac --joint elbow --output output/elbow.yaml',
         'output/refined/model.yaml --to csv --output output/friction.csv'))
-    parser.add_argument('model', metavar='MODEL', type=Path, help='model file; that of a '
-                        'population (refine --each) has ranges of further units')
+    parser.add_argument('model', metavar='MODEL', type=Path, help='model file')
     parser.add_argument('--to', choices=_FORMS, required=True,
                         help='form of the file')
     parser.add_argument('--joint', metavar='NAME', help='joint of the model file of an '
@@ -58,7 +57,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _write_joint(arguments: Namespace, model: FrictionModel) -> int:
-    from friction_comp.model.simulator_joint import simulator_joint
+    from friction_comp.model.friction_numbers import simulator_joint
 
     form, joint = arguments.to, simulator_joint(model, arguments.to)
     if form not in ('tanh', 'json'):
@@ -75,8 +74,8 @@ def _write_joint(arguments: Namespace, model: FrictionModel) -> int:
 
 
 def _write_table(arguments: Namespace, model: FrictionModel) -> int:
+    from friction_comp.model.friction_numbers import loss_of, simulator_joint
     from friction_comp.model.motor_check import cautions
-    from friction_comp.model.simulator_joint import loss_of, simulator_joint
 
     if arguments.without_inertia:
         raise InputError('--without-inertia does not go with --to csv, which has none')
@@ -95,9 +94,8 @@ def _write_table(arguments: Namespace, model: FrictionModel) -> int:
 
 def _remarks(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) -> list[str]:
     """Return lines on origin, values, ranges and losses of a form, and what speaks against it."""
-    from friction_comp.model.friction_numbers import inertia_holds
+    from friction_comp.model.friction_numbers import inertia_holds, KEYS, loss_of
     from friction_comp.model.motor_check import cautions
-    from friction_comp.model.simulator_joint import KEYS, loss_of
 
     form, unit = arguments.to, joint.unit
     lines = [f'Friction of {arguments.model}, by friction_comp {__version__}',
@@ -113,8 +111,8 @@ def _remarks(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) 
     lines += [f'Range for randomisation: {key} {low:.4g} to {high:.4g}'
               for name, (low, high) in joint.ranges.items()
               if (key := KEYS[form].get(name)) and getattr(joint, name) is not None]
-    if joint.ranges_are:
-        lines.append(f'Ranges: {joint.ranges_are}')
+    if joint.ranges:
+        lines.append('Ranges: 95 % intervals of the fit')
     lines += [*(f'Not in it: {line}' for line in joint.left_out), *cautions(model)]
     # A name may hold what would end a comment.
     return [' '.join(line.split()) for line in lines]
@@ -134,7 +132,7 @@ def _missed(torque: float, share: float, joint: SimulatorJoint) -> str:
 
 def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
     """Return the text of a file."""
-    from friction_comp.model.simulator_joint import KEYS
+    from friction_comp.model.friction_numbers import KEYS
 
     if form in ('mujoco', 'urdf', 'sdf'):
         return _xml(form, name, joint, remarks)
@@ -147,7 +145,7 @@ def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) ->
     if form == 'json':
         return json.dumps(plain({
             'joint': name, 'unit': joint.unit, **numbers, 'range': ranges,
-            'range_is': joint.ranges_are, 'remarks': remarks}, not_finite=None),
+            'remarks': remarks}, not_finite=None),
             indent=2, ensure_ascii=False) + '\n'
     what = ('torque = Fc·tanh(k·v) + Fv·v + Fo, N·m, v in rad/s' if form == 'tanh' else
             'Isaac: static, dynamic and viscous friction of a joint, and its armature, SI units')

@@ -2,12 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects that a model can have in addition to the sigmoid: one class each, listed here."""
 
-from friction_comp.model.effects import (
-    history_effects as history,
-    position_effects as position,
-    torque_effects as torque,
-    velocity_effects as velocity,
-)
+from friction_comp.model.effects import kinds, position_effects as position
 from friction_comp.model.effects.base import (
     CARRIES,
     Coverage,
@@ -18,7 +13,6 @@ from friction_comp.model.effects.base import (
     RESISTS,
     SearchRange,
     Signals,
-    VARIABLES,
 )
 
 EFFECTS: dict[str, type[Effect]] = {}
@@ -32,14 +26,14 @@ def register(effect: type[Effect]) -> type[Effect]:
 
 
 for _effect in (
-        velocity.Stribeck, velocity.ViscousShape, velocity.DirectionAsymmetry, torque.Gravity,
-        torque.Spring, position.Cogging, position.FrictionRipple, position.Bump, torque.Inertia,
-        torque.RigidBody, torque.OtherJoints, torque.LoadTorque, torque.LoadFriction,
-        torque.CarriedLoadFriction, torque.InnerLoadFriction, history.Temperature, history.WarmUp,
-        history.OffsetDrift, history.Hysteresis, history.Backlash, history.RestTime):
+        kinds.Stribeck, kinds.ViscousShape, kinds.DirectionAsymmetry, kinds.Gravity,
+        kinds.Spring, position.Cogging, position.FrictionRipple, position.Bump, kinds.Inertia,
+        kinds.RigidBody, kinds.OtherJoints, kinds.LoadTorque, kinds.LoadFriction,
+        kinds.CarriedLoadFriction, kinds.InnerLoadFriction, kinds.Temperature, kinds.WarmUp,
+        kinds.OffsetDrift, kinds.Hysteresis, kinds.Backlash, kinds.RestTime):
     register(_effect)
 
 __all__ = [
-    'CARRIES', 'EFFECTS', 'NEITHER', 'RESISTS', 'VARIABLES', 'Coverage', 'Effect', 'LiveTerm',
+    'CARRIES', 'EFFECTS', 'NEITHER', 'RESISTS', 'Coverage', 'Effect', 'LiveTerm',
     'ResidualView', 'SearchRange', 'Signals', 'register',
 ]

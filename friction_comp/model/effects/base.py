@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import namedtuple
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 import copy
 from dataclasses import dataclass
 from itertools import product
@@ -19,14 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from friction_comp.checks import check_interval, check_number
+from friction_comp.checks import check_interval, listed, mapping, number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.samples import Samples
-
-VARIABLES = (
-    'velocity', 'direction', 'position', 'acceleration', 'load', 'temperature', 'time', 'history',
-    'other joints')
 
 RESISTS, CARRIES, NEITHER = 'resists', 'carries', 'neither'
 """Roles of an effect: it dissipates energy, as friction; it is a torque that does not depend on the
@@ -67,8 +63,8 @@ class Coverage:
     rest_duration: float = math.inf          # how long the joint stood still, s
     distinct_positions: float = math.inf       # distinct positions that the encoder gave
     temperature_span: float = math.inf        # range of the motor temperature, K
-    median_speed: float = math.inf     # median of the speed while moving, rad/s
-    speed_spread: float = math.inf    # its standard deviation as a share of its mean
+    # Standard deviation of the speed while moving as a share of its mean.
+    speed_spread: float = math.inf
     linear: bool = False              # whether positions are in m
 
     @property
@@ -110,21 +106,14 @@ Tried = Sequence[float] | np.ndarray | Callable[[Coverage], Sequence[float] | np
 _COARSE = 150
 
 
-def turns_often(coverage: Coverage) -> str:
-    """Return why nothing can happen at one position only; empty within two turns."""
-    turns = coverage.span / (2.0 * math.pi)
-    return '' if turns <= 2.0 else (
-        f'The joint turned {turns:.0f} times: of the effects of position, only those that repeat '
-        'every turn are tried.')
+def turns_seldom(coverage: Coverage) -> bool:
+    """Return whether the joint stays within two turns: something can happen at one position."""
+    return coverage.span <= 4.0 * math.pi
 
 
-def too_coarse(coverage: Coverage) -> str:
-    """Return a warning if the encoder gave too few distinct positions; empty otherwise."""
-    if coverage.distinct_positions >= _COARSE:
-        return ''
-    return (f'Position is coarse: {coverage.distinct_positions:.0f} distinct values. Lag, '
-            'presliding and other effects within a few steps of it cannot be seen, and '
-            'acceleration is uncertain.')
+def too_coarse(coverage: Coverage) -> bool:
+    """Return whether the encoder gave too few positions to see lag, presliding and the like."""
+    return coverage.distinct_positions < _COARSE
 
 
 _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
@@ -146,7 +135,9 @@ class Effect(ABC):
     """
 
     name = ''           # in model files and reports
-    variable = ''       # what it depends on, one of `VARIABLES`
+    # What it depends on: velocity, direction, position, acceleration, load, temperature, time,
+    # history, or other joints.
+    variable = ''
     role = RESISTS      # or CARRIES, or NEITHER
     # Signals of `Samples` that it needs besides position and velocity.
     needs: tuple[str, ...] = ()
@@ -155,8 +146,8 @@ class Effect(ABC):
     constants: dict[str, SearchRange | None] = {}
     # Values of constants, of which a search tries all combinations.
     tried: dict[str, Tried] = {}
-    # Say why recordings cannot show it, or ''.
-    shown_by: tuple[Callable[[Coverage], str], ...] = ()
+    # Whether recordings can show it.
+    shown_by: tuple[Callable[[Coverage], bool], ...] = ()
     # Meaning and unit of each coefficient; A stands for the unit of the recording.
     coefficient_names: tuple[tuple[str, str], ...] = ()
     # One sentence, its term of the model's formula in A, and what moves the state in that term, for
@@ -195,22 +186,15 @@ class Effect(ABC):
 
     def __init__(self, parameters: dict[str, Any],
                  valid_range: dict[str, Any] | None = None) -> None:
-        parameters = dict(parameters)
-        self.valid_range = checked_range(valid_range, self.range_margins)
-        coefficients = parameters.pop('coefficients', None)
-        if coefficients is None:
-            raise InputError('coefficients are missing')
-        if not isinstance(coefficients, (list, tuple, np.ndarray)):
-            raise InputError('coefficients must be a list of numbers')
-        self.coefficients = [check_number(value, 'coefficients') for value in coefficients]
-        given, known = set(parameters), set(self.constants)
-        for what, names in (('unknown', given - known), ('missing', known - given)):
-            if names:
-                raise InputError(f'{what} parameters: {sorted(map(str, names))}')
-        self.values = {name: check_number(parameters[name], name) for name in self.constants}
-        for name, value in self.values.items():
-            if name in _POSITIVE and value <= 0:
-                raise InputError(f'{name} must be positive, not {value!r}')
+        self.valid_range = mapping(check_interval, self.range_margins)(valid_range, 'valid_range')
+        own = {name: number(above=0.0) if name in _POSITIVE else number()
+               for name in self.constants}
+        known = mapping({**own, 'coefficients': listed(number())})(parameters, 'parameters')
+        missing = [name for name in ('coefficients', *own) if known.get(name) is None]
+        if missing:
+            raise InputError(f'parameters: {", ".join(missing)} missing')
+        self.coefficients = list(known['coefficients'])
+        self.values = {name: known[name] for name in self.constants}
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -262,9 +246,9 @@ class Effect(ABC):
         return False
 
     @classmethod
-    def insufficient_data(cls, coverage: Coverage) -> str:
-        """Return why recordings with this coverage cannot show it, as a sentence, or ''."""
-        return next(filter(None, (why(coverage) for why in cls.shown_by)), '')
+    def can_show(cls, coverage: Coverage) -> bool:
+        """Return whether recordings with this coverage can show it."""
+        return all(shows(coverage) for shows in cls.shown_by)
 
     @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
@@ -374,7 +358,7 @@ class Effect(ABC):
         c = cls.Constants(**constants)
         sign: Any = 0.0
         if 'transition' in constants:
-            sign = friction_sign(np.asarray(samples.velocity), c.transition)
+            sign = np.tanh(np.asarray(samples.velocity) / c.transition)
         memory = cls.start(sign, c) if sliding and cls.has_memory else cls.memory(samples, sign, c)
         x = Signals(samples.time, samples.position, samples.velocity, samples.acceleration,
                     samples.load, samples.temperature, sign, memory, samples.rigid_body,
@@ -421,23 +405,6 @@ class Effect(ABC):
         return entry
 
 
-_latest_sign: tuple[Any, float, Any] = (None, 0.0, None)
-
-
-def friction_sign(velocity: np.ndarray, transition: float) -> np.ndarray:
-    """Return the sign of friction, which passes through zero smoothly as Eq. 6 does, shape (N,).
-
-    The latest result is cached: a search needs it hundreds of times.
-    """
-    global _latest_sign
-    latest = _latest_sign
-    if latest[0] is not velocity or latest[1] != transition:
-        sign = np.asarray(np.tanh(velocity / transition))
-        sign.flags.writeable = False
-        _latest_sign = latest = velocity, transition, sign
-    return np.asarray(latest[2])
-
-
 def segment_starts(samples: Samples) -> np.ndarray:
     """Return which samples are the first of a segment, bool, shape (N,)."""
     starts = np.zeros(len(samples), dtype=bool)
@@ -447,16 +414,6 @@ def segment_starts(samples: Samples) -> np.ndarray:
 
 # Percentage of the samples beyond each edge: a few outliers are sensor errors.
 _TAIL = 0.1
-
-
-def checked_range(ranges: Any, range_margins: Collection[str]) -> dict[str, tuple[float, float]]:
-    """Return the lowest and highest value by signal of an effect's entry in a model file."""
-    if ranges is None:
-        return {}
-    if not isinstance(ranges, dict) or not set(ranges) <= set(range_margins):
-        known = ', '.join(range_margins) or 'nothing'
-        raise InputError(f'valid_range must be a mapping of {known}, not {ranges!r}')
-    return {name: check_interval(ends, f'valid_range.{name}') for name, ends in ranges.items()}
 
 
 def with_range(effect: Effect, samples: Samples, only_recorded: bool = False) -> Effect:
@@ -499,22 +456,17 @@ class LiveTerm:
         self._state: float | None = None
         self._time = self._position = 0.0
 
-    def update(self, time: float, position: float, velocity: float,
-               temperature: float | None = None, load: float | None = None,
-               rigid_body: float | None = None, coupling: float | None = None) -> float:
-        """Return the current in A for this sample; units as in `Signals`, arm at rest."""
+    def update(self, time: float, position: float, velocity: float, **signals: float | None
+               ) -> float:
+        """Return the current in A for this sample; signals and units as of `_at`, arm at rest."""
         sign = math.tanh(velocity / self._transition) if self._transition else 0.0
         state = self._remember(time, position, velocity)
-        # By position, in the order of the fields: arguments by name take twice as long.
-        value = self._evaluate(Signals(0.0, position, velocity, 0.0, load, temperature, sign, state,
-                                       rigid_body, coupling))
+        value = self._at(position, velocity, sign, state, **signals)
         if self._effect.fed_back_in_motion:
             value *= abs(math.tanh(velocity / SHARPEST_LIVE))
         return value
 
-    def both_sides(self, time: float, position: float, speed: float,
-                   temperature: float | None = None, load: float | None = None,
-                   rigid_body: float | None = None, coupling: float | None = None
+    def both_sides(self, time: float, position: float, speed: float, **signals: float | None
                    ) -> tuple[float, float]:
         """Return the current in A in the positive and in the negative direction; see `update`.
 
@@ -524,22 +476,23 @@ class LiveTerm:
         values = []
         for sign in (1.0, -1.0):
             turned = float(self._effect.start(sign, self._constants))
-            values.append(self._evaluate(Signals(
-                0.0, position, sign * abs(speed), 0.0, load, temperature, sign,
-                turned if turned != 0.0 else state, rigid_body, coupling)))
+            values.append(self._at(position, sign * abs(speed), sign,
+                                   turned if turned != 0.0 else state, **signals))
         return values[0], values[1]
 
-    def _evaluate(self, x: Signals) -> float:
+    def _at(self, position: float, velocity: float, sign: float, memory: float,
+            temperature: float | None = None, load: float | None = None,
+            rigid_body: float | None = None, coupling: float | None = None) -> float:
+        # By position, in the order of the fields: arguments by name take twice as long.
+        x = Signals(0.0, position, velocity, 0.0, load, temperature, sign, memory, rigid_body,
+                    coupling)
         for name, (low, high) in self._effect.valid_range.items():
             value = getattr(x, name)
             # Rarely, since replacing takes longer than evaluating an effect.
             if value is not None and not low <= value <= high:
                 x = x._replace(**{name: min(max(value, low), high)})
-        total = 0.0
-        for gain, column in zip(self._effect.coefficients,
-                                self._effect.columns(x, self._constants)):
-            total += gain * column
-        return float(total)
+        return float(sum(gain * column for gain, column in zip(
+            self._effect.coefficients, self._effect.columns(x, self._constants))))
 
     def _remember(self, time: float, position: float, velocity: float) -> float:
         if not self.has_memory:

@@ -18,7 +18,7 @@ from friction_comp.model.effects.base import (
     RESISTS,
     SearchRange,
     Signals,
-    turns_often,
+    turns_seldom,
 )
 
 _BINS_A_PERIOD, _MOST_BINS = 4, 1 << 17
@@ -69,7 +69,7 @@ def spectrum_peaks(view: ResidualView, amplitude: np.ndarray) -> list[float]:
     separation = 2.0 * math.pi / coverage.span
     power = np.abs(np.fft.rfft(sums, size)) ** 2
     keep[keep] = above_noise(power[keep])
-    if turns_often(coverage):
+    if not turns_seldom(coverage):
         near = 0.5 * separation
         keep &= (np.abs(k - np.round(k)) < near) & (k > 1.0 - near)
     k, power = k[keep], power[keep]
@@ -151,11 +151,8 @@ class Bump(Effect):
             max(0.002 * coverage.span, coverage.resolution), 0.2 * coverage.span)),
         'exponent': SearchRange(2.2, limits=lambda *_: (1.0, 10.0)),
         'directional': None, 'transition': None}
-    shown_by = (turns_often, lambda coverage: (
-        '' if coverage.speed_spread >= _NEARLY_ONE_SPEED else
-        f'Speed was near {coverage.median_speed:.3g} rad/s most of the time: the few '
-        'samples of starts and reversals determine the dependence on speed, and bumps '
-        'cannot be distinguished from effects of starts and reversals.'))
+    # At one speed, the few samples of starts and reversals look like bumps.
+    shown_by = (turns_seldom, lambda coverage: coverage.speed_spread >= _NEARLY_ONE_SPEED)
     summary = 'Bump: {A:+.3g} A at {position:.4g} rad, with a width of {width:.2g} rad'
     equation = '{A:+.5g}·exp(-0.5·(|q - {position:.6g}|/{width:.5g})^{exponent:.5g})'
     factors = {'directional': '·tanh(v/{transition:.5g})'}
