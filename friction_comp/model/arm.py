@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 import functools
 from itertools import combinations
-import math
 from typing import Any
 
 import numpy as np
 
+from friction_comp.checks import listed, mapping, number
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate, settings_of
 from friction_comp.samples import Samples
@@ -27,9 +27,10 @@ from friction_comp.samples import Samples
 # Numbers of each link: see `Tree`.
 PARAMETERS = 10
 FREE_FALL = (0.0, 0.0, -9.81)
+# What a file says of each link.
+_OF_LINK = ('joint', 'kind', 'parent', 'rotation', 'place', 'axis', 'inertial_parameters')
 # Rotation matrices in a file are rounded, by less than this in any product.
 _ROUNDED = 1e-6
-_KINDS = ('revolute', 'prismatic')
 
 
 @dataclass(frozen=True)
@@ -50,27 +51,28 @@ class Tree:
 
     def __post_init__(self) -> None:
         size = len(self.joints)
-        shapes = {'rotations': (size, 3, 3), 'places': (size, 3), 'axes': (size, 3),
-                  'parameters': (size, PARAMETERS), 'gravity': (3,)}
-        for name, shape in shapes.items():
+        for name, shape in {'rotations': (size, 3, 3), 'places': (size, 3), 'axes': (size, 3),
+                            'parameters': (size, PARAMETERS), 'gravity': (3,)}.items():
             value = np.ascontiguousarray(getattr(self, name), dtype=float)
             if value.shape != shape or not np.isfinite(value).all():
                 raise InputError(f'arm.{name} must be finite numbers of shape {shape}')
             object.__setattr__(self, name, value)
         parents = np.ascontiguousarray(self.parents, dtype=np.int64)
         object.__setattr__(self, 'parents', parents)
-        if size == 0 or len(set(self.joints)) != size:
-            raise InputError('arm.joints must have different names')
-        if len(self.kinds) != size or any(kind not in _KINDS for kind in self.kinds):
-            raise InputError(f'each joint of an arm is one of {", ".join(_KINDS)}')
-        if parents.shape != (size,) or (parents >= np.arange(size)).any() or (parents < -1).any():
-            raise InputError('each joint of an arm is carried by an earlier one, or by the base')
-        products = self.rotations @ self.rotations.transpose(0, 2, 1)
-        if np.abs(products - np.eye(3)).max() > _ROUNDED or (
-                np.linalg.det(self.rotations) < 0.0).any():
-            raise InputError('arm.rotations must be rotation matrices')
-        if np.abs(np.linalg.norm(self.axes, axis=1) - 1.0).max() > _ROUNDED:
-            raise InputError('arm.axes must be unit vectors')
+        turned = self.rotations @ self.rotations.transpose(0, 2, 1)
+        for right, words in (
+                (size > 0 and len(set(self.joints)) == size, 'joints must have different names'),
+                (len(self.kinds) == size and set(self.kinds) <= {'revolute', 'prismatic'},
+                 'joints must be revolute or prismatic'),
+                (parents.shape == (size,) and (parents < np.arange(size)).all()
+                 and (parents >= -1).all(), 'joints must be carried by earlier ones, or the base'),
+                (np.abs(turned - np.eye(3)).max(initial=0.0) < _ROUNDED
+                 and (np.linalg.det(self.rotations) > 0.0).all(),
+                 'rotations must be rotation matrices'),
+                (np.abs(np.linalg.norm(self.axes, axis=1) - 1.0).max(initial=0.0) < _ROUNDED,
+                 'axes must be unit vectors')):
+            if not right:
+                raise InputError(f'arm: {words}')
 
     @property
     def prismatic(self) -> np.ndarray:
@@ -92,38 +94,26 @@ class Tree:
 
     def weight(self, position: np.ndarray) -> np.ndarray:
         """Return the torque that holds the arm at rest, shape (L,), at a position of shape (L,)."""
-        return self._at_rest(np.asarray(position, dtype=float)[None])[0]
-
-    def _at_rest(self, postures: np.ndarray) -> np.ndarray:
-        still = np.zeros_like(postures)
-        return self.torques(postures, still, still)
+        postures = np.asarray(position, dtype=float)[None]
+        return self.torques(postures, 0.0 * postures, 0.0 * postures)[0]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the tree as the plain values of a model file."""
-        return {
-            'gravity': self.gravity.tolist(),
-            'links': [{
-                'joint': self.joints[k], 'kind': self.kinds[k],
-                'parent': self.joints[self.parents[k]] if self.parents[k] >= 0 else None,
-                'rotation': self.rotations[k].tolist(), 'place': self.places[k].tolist(),
-                'axis': self.axes[k].tolist(), 'inertial_parameters': self.parameters[k].tolist(),
-            } for k in range(len(self.joints))]}
+        parents = [self.joints[k] if k >= 0 else None for k in self.parents]
+        columns = (self.joints, self.kinds, parents, *(getattr(self, name).tolist() for name in (
+            'rotations', 'places', 'axes', 'parameters')))
+        return {'gravity': self.gravity.tolist(),
+                'links': [dict(zip(_OF_LINK, values)) for values in zip(*columns)]}
 
     @classmethod
     def from_dict(cls, document: Any) -> Tree:
         """Make a tree of the plain values of a model file."""
         try:
-            links = document['links']
-            joints = tuple(str(link['joint']) for link in links)
-            index = {name: k for k, name in enumerate(joints)}
-            parents = [-1 if link['parent'] is None else index[str(link['parent'])]
-                       for link in links]
-            rotations, places, axes, parameters = (
-                np.array([link[name] for link in links], dtype=float)
-                for name in ('rotation', 'place', 'axis', 'inertial_parameters'))
-            return cls(
-                joints, tuple(str(link['kind']) for link in links), np.array(parents, dtype=int),
-                rotations, places, axes, parameters, np.array(document['gravity'], dtype=float))
+            joints, kinds, parents, *arrays = zip(*([link[name] for name in _OF_LINK]
+                                                    for link in document['links']))
+            arrays = [np.array(values, dtype=float) for values in (*arrays, document['gravity'])]
+            return cls(tuple(map(str, joints)), tuple(map(str, kinds)), np.array(
+                [-1 if one is None else joints.index(one) for one in parents]), *arrays)
         except InputError:
             raise
         except KeyError as error:
@@ -239,29 +229,32 @@ class Coupling:
     @classmethod
     def from_dict(cls, document: Any) -> Coupling:
         """Make a coupling of the plain values of a model file."""
-        groups, coefficients = [], []
-        try:
-            for entry in document['groups']:
-                angles = tuple((str(name), int(side)) for name, side in entry['angles'])
-                if any(side not in (1, -1) for _, side in entry['angles']) or (
-                        len(dict(angles)) < len(angles)):
-                    raise ValueError('angles must be different joints, each with sign 1 or -1')
-                group = Group(str(entry['kind']), angles, tuple(map(str, entry['joints'])),
-                              float(entry.get('width', 0.0)))
-                numbers = tuple(map(float, entry['coefficients']))
-                wanted = 2 if group.angles else 1
-                if _JOINTS.get(group.kind) != len(group.joints) or len(numbers) != wanted:
-                    raise ValueError(f'a group of kind {group.kind!r} is not complete')
-                if group.kind == 'friction' and not (
-                        len(group.angles) == 2 and 0.0 < group.width < math.inf):
-                    raise ValueError('friction needs the angles of two joints and a width above 0')
-                if not np.isfinite(numbers).all():
-                    raise ValueError('coefficients must be finite')
-                groups.append(group)
-                coefficients.append(numbers)
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise InputError(f'coupling: {error}') from None
-        return cls(tuple(groups), tuple(coefficients))
+        found = listed(_group)(document['groups'], 'arm.groups')
+        return cls(tuple(Group(one['kind'], one['angles'], one.get('joints') or (),
+                               one.get('width') or 0.0) for one in found),
+                   tuple(one['coefficients'] for one in found))
+
+
+def _angle(value: Any, name: str) -> tuple[str, int]:
+    if not isinstance(value, (list, tuple)) or len(value) != 2 or value[1] not in (1, -1):
+        raise InputError(f'{name} must be a joint and its sign, 1 or -1, not {value!r}')
+    return str(value[0]), int(value[1])
+
+
+_ENTRIES = {'kind': lambda value, _: str(value), 'angles': listed(_angle),
+            'joints': listed(lambda value, _: str(value)), 'width': number(above=0.0),
+            'coefficients': listed(number())}
+
+
+def _group(value: Any, name: str) -> dict[str, Any]:
+    one = mapping(_ENTRIES)(value, name)
+    angles, kind = one.get('angles') or (), one.get('kind')
+    if (kind not in _JOINTS or len(one.get('joints') or ()) != _JOINTS[kind]
+            or len(one.get('coefficients') or ()) != (2 if angles else 1)
+            or len(dict(angles)) < len(angles)
+            or (kind == 'friction') != bool(len(angles) == 2 and one.get('width'))):
+        raise InputError(f'{name} of kind {kind!r} is not complete')
+    return one
 
 
 def friction_groups(names: Sequence[str], joint: str, widths: Sequence[float]) -> list[Group]:
