@@ -7,22 +7,12 @@ import numpy as np
 import pytest
 
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
-from friction_comp.model.differentiation import as_recorded, settings_of
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import refine
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
 STEP, NOISE = 0.004, 0.02
-
-
-def followed(signal, step, time_constant):
-    """Return what follows a signal by a first-order low pass, by its exact step response."""
-    result, weight = np.array(signal), 1.0 - np.exp(-step / time_constant)
-    for k in range(1, len(signal)):
-        result[k] = result[k - 1] + weight * (signal[k] - result[k - 1])
-    return result
 
 
 def motion(rng, step, duration):
@@ -59,28 +49,6 @@ def test_a_delay_of_the_torque_is_found_and_one_of_the_sensor_is_no_effect(delay
     error = samples.current - FrictionModel.load(tmp_path / 'model.yaml').predict(samples)
     assert rms(error[result.usable]) == pytest.approx(result.report.after.fit_rmse, rel=1e-6)
     assert result.report.after.held_out_rmse < 1.7 * NOISE
-
-
-def test_a_low_pass_is_undone_and_ends_with_the_recording():
-    time = np.arange(4000) * 1e-3
-    samples = Samples(time=time, position=time, current=0 * time,
-                      recording=(np.arange(4000) >= 2000).astype(int))
-    torque = np.sin(2.0 * time) + (time >= 2.0)
-    # The current follows the torque: each recording begins in its own state.
-    late = as_recorded(torque, samples, -0.05)
-    for part in (slice(0, 2000), slice(2000, 4000)):
-        assert late[part] == pytest.approx(followed(torque[part], 1e-3, 0.05), abs=2e-3)
-    # The torque follows the current: what it followed comes back; columns are as good.
-    columns = as_recorded(np.column_stack((late, -2.0 * late)), samples, 0.05)
-    for part in (slice(10, 1990), slice(2010, 3990)):
-        assert columns[part, 0] == pytest.approx(torque[part], abs=2e-3)
-        assert columns[part, 1] == pytest.approx(-2.0 * torque[part], abs=4e-3)
-    assert as_recorded(torque, samples, None) is torque
-
-
-def test_a_wrong_time_constant_is_named():
-    with pytest.raises(InputError, match='differentiation.time_constant'):
-        settings_of({'time_constant': 'slow'}, 'differentiation')
 
 
 def test_noise_of_a_torque_sensor_does_not_change_what_the_load_does():

@@ -109,11 +109,11 @@ class Tree:
     def from_dict(cls, document: Any) -> Tree:
         """Make a tree of the plain values of a model file."""
         try:
-            joints, kinds, parents, *arrays = zip(*([link[name] for name in _OF_LINK]
+            joints, kinds, parents, *values = zip(*([link[name] for name in _OF_LINK]
                                                     for link in document['links']))
-            arrays = [np.array(values, dtype=float) for values in (*arrays, document['gravity'])]
-            return cls(tuple(map(str, joints)), tuple(map(str, kinds)), np.array(
-                [-1 if one is None else joints.index(one) for one in parents]), *arrays)
+            parent = np.array([-1 if one is None else joints.index(one) for one in parents])
+            arrays = [np.array(one, dtype=float) for one in (*values, document['gravity'])]
+            return cls(tuple(map(str, joints)), tuple(map(str, kinds)), parent, *arrays)
         except InputError:
             raise
         except KeyError as error:

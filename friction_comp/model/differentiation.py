@@ -44,10 +44,9 @@ def _source(value: Any, name: str) -> Any:
     return value
 
 
-_SIGNAL = {'bandwidth': number(above=0.0), 'lag': number()}
 settings_of = mapping({
-    'method': _method, 'source': _source, 'time_constant': number(), **_SIGNAL,
-    'signals': mapping(mapping(_SIGNAL), MEASURED)})
+    'method': _method, 'source': _source, 'bandwidth': number(above=0.0), 'lag': number(),
+    'signals': mapping(mapping({'bandwidth': number(above=0.0)}), MEASURED)})
 """Reads the differentiation settings of a section of a model file; see `differentiate`."""
 
 
@@ -63,8 +62,8 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     Settings are ``source``, 'position' or 'velocity'; ``bandwidth``, Hz, the -3 dB point of one
     pass, None without filter; ``lag``, s by which torque follows the recorded current: motion, load
     and temperature are then those of the time t + lag; and ``signals``, how each of `MEASURED` is
-    prepared before, see `prepared_signal`. ``time_constant`` is left to `as_recorded`. Raises
-    InputError if the velocity is needed and not recorded.
+    prepared before, see `prepared_signal`. Raises InputError if the velocity is needed and not
+    recorded.
     """
     source, bandwidth = settings.get('source', 'position'), settings.get('bandwidth')
     if source == 'velocity' and samples.velocity is None:
@@ -98,13 +97,12 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         **measured_signals), settings.get('lag') or 0.0)
 
 
-def prepared_signal(samples: Samples, values: np.ndarray, bandwidth: float | None = None,
-                    lag: float | None = None) -> np.ndarray:
-    """Return a measured signal as it was at the sensor, without noise above a bandwidth, (N,).
+def prepared_signal(samples: Samples, values: np.ndarray, bandwidth: float | None = None
+                    ) -> np.ndarray:
+    """Return a measured signal without noise above a bandwidth, Hz, as for motion, (N,).
 
     Noise lowers its coefficient in a fit. Values that are held over several samples are
-    interpolated, those that are not finite stay. `bandwidth`, Hz, is as for motion, `lag`, s, that
-    of the signal.
+    interpolated, those that are not finite stay.
     """
     finite = np.isfinite(values)
     result = np.array(values, dtype=float)
@@ -115,8 +113,6 @@ def prepared_signal(samples: Samples, values: np.ndarray, bandwidth: float | Non
         time = samples.time[part]
         own = np.interp(time, time[known], result[part][known])
         result[part] = _smooth(_between_held(time, own), samples.sample_time, bandwidth)
-    if lag:
-        result = shifted_in_time(result, samples, lag)
     return np.where(finite, result, values)
 
 
@@ -164,30 +160,6 @@ def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndar
             before = own[index]
             shifted[part] = before + (place - index)[:, None] * (own[index + 1] - before)
     return shifted.reshape(np.shape(values))
-
-
-def as_recorded(current: np.ndarray, samples: Samples, time_constant: float | None) -> np.ndarray:
-    """Return the recorded current that belongs to a torque, in its unit, shape (N,) or (N, M).
-
-    Where the torque τ follows the current i by a first-order low pass of the time constant T, ``i =
-    τ + T·dτ/dt``; where T is negative, the current follows the torque by a low pass of ``-T``.
-    """
-    if not time_constant:
-        return current
-    result = np.array(current, dtype=float)
-    for part in samples.segments():
-        values, step = result[part], samples.sample_time
-        if len(values) < 3:
-            continue
-        if time_constant > 0.0:
-            values += time_constant * _derivative(values, _increasing(samples.time[part]))
-        else:
-            from scipy.signal import lfilter
-
-            gain = step / (step - 2.0 * time_constant)
-            result[part] = values[0] + lfilter(
-                (gain, gain), (1.0, 2.0 * gain - 1.0), values - values[0], axis=0)
-    return result
 
 
 def filters(bandwidth: float | None, sample_time: float) -> TypeGuard[float]:

@@ -15,7 +15,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
 from friction_comp.model import model_file
-from friction_comp.model.differentiation import as_recorded, DEFAULT_SETTINGS, differentiate
+from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import Effect
 from friction_comp.model.effects.base import RESISTS
 from friction_comp.model.measured import Breakaway, Presliding, Recorded
@@ -91,8 +91,7 @@ class FrictionModel:
             first = samples.time[np.argmin(np.isfinite(samples.position))]
             raise InputError(f'the position at {first:g} s is not finite')
         model = self if same_recording else self.on_another_day()
-        moved = self.differentiated(self.with_arm(samples))
-        current = as_recorded(model.current(moved), moved, self.settings.get('time_constant'))
+        current = model.current(self.differentiated(self.with_arm(samples)))
         return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
 
     def feed_forward(self, position: ArrayLike, velocity: ArrayLike,
@@ -152,14 +151,11 @@ class FrictionModel:
     def parts(self, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
         """Return the expected current and the part of it that resists motion, A, (N,) each.
 
-        As `current` for samples with velocity, behind the low pass of the recording.
+        As `current` for samples with velocity.
         """
         resists = replace(self, effects=[
             effect for effect in self.effects if effect.role == RESISTS])
-        delay = self.settings.get('time_constant')
-        current, friction = (as_recorded(one.current(samples), samples, delay)
-                             for one in (self, resists))
-        return current, friction - self.sigmoid.line[0]
+        return self.current(samples), resists.current(samples) - self.sigmoid.line[0]
 
     @property
     def friction_known(self) -> bool:

@@ -228,8 +228,7 @@ def left_out_of(model: FrictionModel, rows: Samples, unit: str) -> list[Beside]:
     """Return what of a model its formula leaves out: other days, and what is late."""
     return [*(_beside(effect, rows, unit) for effect in model.effects
               if not effect.holds_on_another_day),
-            *(Beside(name.replace('_', ' '), float(value), 's') for name in ('lag', 'time_constant')
-              if (value := model.settings.get(name)))]
+            *([Beside('lag', float(lag), 's')] if (lag := model.settings.get('lag')) else [])]
 
 
 def formula_of(model: FrictionModel, unit: str) -> str:

@@ -223,8 +223,9 @@ class Table:
             if term.group is None and not term.kind.uses_inner_load:
                 values = [coefficients[column] for column in self.columns_of[term]]
                 shares.append(term.kind.load_share(values, term.constants))
-                carries_load = carries_load or term.kind.gives_load
-                if term.kind.gives_load and term.kind.determines_offset(self.rows.coverage):
+                within = term.kind.offset_within
+                carries_load = carries_load or within is not None
+                if within is not None and self.rows.coverage.span < within:
                     shares.append({'offset': coefficients[0]})
         return shares if carries_load else []
 

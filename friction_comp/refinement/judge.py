@@ -393,7 +393,10 @@ def _findings_on_motion(rows: Rows, error: float) -> Iterator[Finding]:
             'way, and what is called friction may be elastic.', AGAIN,
             'move further and faster, until the joint slides')
     elif coarse:
-        yield Finding('little_motion', coarse, IN_PART,
+        yield Finding('little_motion', 'Position is coarse: '
+                      f'{coverage.distinct_positions:.0f} distinct values. Lag, presliding and '
+                      'other effects within a few steps of it cannot be seen, and acceleration is '
+                      'uncertain.', IN_PART,
                       'record the motor-side encoder, or move over a wider range')
     if coverage.passed_again < thresholds.PASSED_AGAIN:
         yield Finding(

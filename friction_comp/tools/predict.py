@@ -202,19 +202,13 @@ def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, Frictio
 
 
 def _current(model: FrictionModel, samples: Samples) -> tuple[np.ndarray, Samples]:
-    """Return the current of a plan, (N,), which leads its motion, and the plan with all signals.
-
-    It leads by `lag` and `time_constant`.
-    """
-    from friction_comp.model.differentiation import as_recorded, differentiate
+    """Return the current of a plan, (N,), which leads by `lag`, and the plan with all signals."""
+    from friction_comp.model.differentiation import differentiate
 
     settings = model.settings
-    slow = max(settings.get('time_constant') or 0.0, 0.0)
     if samples.acceleration is not None and model.arm is None:
-        assert samples.velocity is not None     # a plan with an acceleration has one
-        return as_recorded(model.current(samples), samples, slow), samples
+        return model.current(samples), samples
     settings['source'] = 'position' if samples.velocity is None else 'velocity'
-    if settings.get('lag', 0.0) is None or settings.get('lag', 0.0) < 0.0:
-        settings.pop('lag', None)
+    settings['lag'] = max(settings.get('lag') or 0.0, 0.0)
     moved = differentiate(model.with_arm(samples), settings)
-    return as_recorded(model.current(moved), moved, slow), moved
+    return model.current(moved), moved

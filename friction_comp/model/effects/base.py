@@ -169,7 +169,10 @@ class Effect(ABC):
     # Whether it is fed back only in motion: at rest it would move an untouched joint.
     fed_back_in_motion = False
     weight = False      # whether it supports the limb, which the robot's controller may already do
-    gives_load = False  # whether it loads the teeth by a torque that depends on position
+    # The constants of `InnerLoadFriction` that its coefficients are; of one that loads the teeth at
+    # rest, the span in rad below which the offset of Eq. 6 is part of that load.
+    loads: tuple[str, ...] = ()
+    offset_within: float | None = None
     # Whether its constants contain the load of the other effects on the gear.
     uses_inner_load = False
     # Signals beyond whose recorded range, and this share of it on either side, it is constant; inf
@@ -241,11 +244,6 @@ class Effect(ABC):
         return cls.signs
 
     @classmethod
-    def determines_offset(cls, coverage: Coverage) -> bool:
-        """Return whether the offset of Eq. 6 is part of this effect's load, if it `gives_load`."""
-        return False
-
-    @classmethod
     def can_show(cls, coverage: Coverage) -> bool:
         """Return whether recordings with this coverage can show it."""
         return all(shows(coverage) for shows in cls.shown_by)
@@ -254,7 +252,7 @@ class Effect(ABC):
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
                    ) -> dict[str, float]:
         """Return its share of the load on the teeth, as constants of `InnerLoadFriction`."""
-        return {}
+        return dict(zip(cls.loads, coefficients))
 
     @classmethod
     def with_loads(cls, constants: dict[str, Any],

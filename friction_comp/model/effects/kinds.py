@@ -149,7 +149,10 @@ class Gravity(Effect):
                          ('part with the sine of position', 'A'))
     variable = 'position'
     role = CARRIES
-    in_first_model = weight = gives_load = True
+    in_first_model = weight = True
+    loads = ('cosine', 'sine')
+    # Over a part of a turn gravity is largely a constant.
+    offset_within = 2.0
     range_margins = {'position': np.inf}
     # Over less, and on a linear axis, what a weight holds is part of offset and spring.
     shown_by = (lambda coverage: not coverage.linear and coverage.span >= 0.5,)
@@ -161,16 +164,6 @@ class Gravity(Effect):
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         return (np.cos(x.position), np.sin(x.position))
 
-    @classmethod
-    def determines_offset(cls, coverage: Coverage) -> bool:
-        # Over a part of a turn gravity is largely a constant.
-        return coverage.span < 2.0
-
-    @classmethod
-    def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
-                   ) -> dict[str, float]:
-        return {'cosine': coefficients[0], 'sine': coefficients[1]}
-
 
 class Spring(Effect):
     """``A·(q - q0)``, independent of the direction of motion, as of a spring or a cable."""
@@ -179,7 +172,8 @@ class Spring(Effect):
     coefficient_names = (('stiffness', 'A/rad'),)
     variable = 'position'
     role = CARRIES
-    in_first_model = gives_load = True
+    in_first_model = True
+    offset_within = np.inf
     range_margins = {'position': 0.25}
     constants = {'position': None}
     # One is enough: the offset of Eq. 6 accounts for any other rest position.
@@ -191,10 +185,6 @@ class Spring(Effect):
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         return (x.position - c.position,)
-
-    @classmethod
-    def determines_offset(cls, coverage: Coverage) -> bool:
-        return True
 
     @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
@@ -218,6 +208,7 @@ class Inertia(Effect):
     needs = ('acceleration',)
     signs = (1,)
     in_first_model = True
+    loads = ('inertia',)
     not_fed_back = (
         'acceleration from the encoder is too late and too noisy: fed back it would lower the '
         'apparent inertia and can destabilise the joint')
@@ -227,11 +218,6 @@ class Inertia(Effect):
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         return (x.acceleration,)
-
-    @classmethod
-    def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
-                   ) -> dict[str, float]:
-        return {'inertia': coefficients[0]}
 
 
 class RigidBody(Effect):
