@@ -366,8 +366,7 @@ def choose_signals(samples: Samples, error: Callable[[str, float], float]) -> di
 
 def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
     """Return settings for the motion of all joints, from position if velocity was not recorded."""
-    settings = {name: value for name, value in settings.items()
-                if name not in ('signals', 'time_constant')}
+    settings = {name: value for name, value in settings.items() if name != 'signals'}
     if samples.arm is not None and samples.arm.velocity is None:
         return {**settings, 'source': 'position'}
     return settings

@@ -12,18 +12,16 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects.base import (
-    backlash_step,
     CARRIES,
     Coverage,
-    dahl_step,
     Effect,
     NEITHER,
-    rest_step,
     SearchRange,
     Signals,
     too_coarse,
     turns_seldom,
 )
+from friction_comp.model.effects.steps import backlash_step, dahl_step, rest_step
 
 
 def _speed_varied(coverage: Coverage) -> bool:
