@@ -174,6 +174,22 @@ def test_a_load_takes_the_current_that_it_takes_where_the_drive_is_unknown(tmp_p
 
 
 @pytest.mark.slow
+def test_a_person_who_guides_a_motor_that_is_off_shows_friction_but_no_limit(tmp_path, capsys):
+    samples = swings(3)
+    effort = 1e-3 * np.random.default_rng(3).standard_normal(len(samples))
+    write(tmp_path / 'run.csv', time=samples.time, position=samples.position,
+          velocity=samples.velocity, effort=effort, load=10.0 * samples.current)
+    model = str(tmp_path / 'out' / 'model.yaml')
+    assert run_refine([str(tmp_path / 'run.csv'), '--output', str(tmp_path / 'out')]) == 0
+    assert re.search(r'compensate +not with this file: .* is more than drive.current_limit of '
+                     r'\S+ N·m', capsys.readouterr().out)
+    # A constant torque of the motor, which is zero, is no model of friction.
+    assert run_predict([str(tmp_path / 'run.csv'), '--model', model,
+                        '--output', str(tmp_path / 'out.csv')]) == 0
+    assert 'does not hold' not in capsys.readouterr().out
+
+
+@pytest.mark.slow
 def test_bad_input_is_named_and_nothing_is_left(folder, tmp_path):
     with pytest.raises(InputError, match='nowhere'):
         run_refine([str(tmp_path / 'nowhere'), '--output', str(tmp_path / 'out')])

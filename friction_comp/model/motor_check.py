@@ -109,20 +109,26 @@ def _check_sigmoid(model: FrictionModel, motion: Samples) -> float:
         raise InputError('sigmoid: its currents are not finite')
     if not current[0] < 0.0 < current[-1]:
         raise InputError(
-            f'sigmoid: {current[-1]:.3g} A forwards and {current[0]:.3g} A backwards do not have '
-            'the sign of friction')
+            f'sigmoid: {_said(model, current[-1])} forwards and {_said(model, current[0])} '
+            'backwards do not have the sign of friction')
     span = current[-1] - current[0]
     if (np.maximum.accumulate(current) - current).max() > _DIP * span:
         raise InputError('sigmoid: it falls with speed; use the effect stribeck for such friction')
     largest = np.abs(current).max()
-    _check_limit(model, largest, f'sigmoid: {largest:.3g} A at {speeds[-1]:.3g} rad/s is')
+    _check_limit(model, largest, f'sigmoid: {_said(model, largest)} at {speeds[-1]:.3g} rad/s is')
     _check_table(model)
     return float(largest)
 
 
+def _said(model: FrictionModel, figure: float) -> str:
+    return f'{figure:.4g} {unit_of(model)}'
+
+
 def _check_limit(model: FrictionModel, current: float, what: str) -> None:
     if current > model.drive.current_limit:
-        raise InputError(f'{what} more than drive.current_limit of {model.drive.current_limit:g} A')
+        raise InputError(
+            f'{what} more than drive.current_limit of {_said(model, model.drive.current_limit)}: '
+            'give the limit of the motor there')
 
 
 def _check_table(model: FrictionModel) -> None:
@@ -134,7 +140,7 @@ def _check_table(model: FrictionModel) -> None:
     miss = np.abs(model.sigmoid(table['speeds']) - currents).max()
     if miss > _MISS * np.abs(currents).max():
         raise InputError(
-            f'sigmoid: it misses the lookup_table, which it was fitted to, by {miss:.3g} A')
+            f'sigmoid: it misses the lookup_table, which it was fitted to, by {_said(model, miss)}')
 
 
 def _check_effect(model: FrictionModel, effect: Effect, motion: Samples, friction: float) -> float:
@@ -152,10 +158,10 @@ def _check_effect(model: FrictionModel, effect: Effect, motion: Samples, frictio
     if effect.role == RESISTS:
         if largest > _LARGEST_RATIO * friction:
             raise InputError(
-                f"effect '{effect.name}': {largest:.3g} A are too many beside sliding friction of "
-                f'{friction:.3g} A')
+                f"effect '{effect.name}': {_said(model, largest)} are too many beside sliding "
+                f'friction of {_said(model, friction)}')
         return largest
-    _check_limit(model, largest, f"effect '{effect.name}': {largest:.3g} A are")
+    _check_limit(model, largest, f"effect '{effect.name}': {_said(model, largest)} are")
     return 0.0
 
 
@@ -167,11 +173,12 @@ def _check_breakaway(model: FrictionModel, friction: float) -> None:
              model.sigmoid.upper),
             ('negative', -model.breakaway.negative_mean, model.breakaway.negative_std,
              -model.sigmoid.lower)):
-        _check_limit(model, mean, f'breakaway.{side}: {mean:.4g} A is')
+        _check_limit(model, mean, f'breakaway.{side}: {_said(model, mean)} is')
         if mean > _LARGEST_RATIO * friction or mean < _SMALLEST_RATIO * plateau:
             raise InputError(
-                f'breakaway.{side}: {mean:.4g} A does not match sliding friction of '
-                f'{plateau:.3g} to {friction:.3g} A')
+                f'breakaway.{side}: {_said(model, mean)} does not match sliding friction of '
+                f'{plateau:.3g} to {_said(model, friction)}')
         if spread > mean:
             raise InputError(
-                f'breakaway.{side}: the standard deviation {spread:.3g} A is more than the mean')
+                f'breakaway.{side}: the standard deviation {_said(model, spread)} is more than the '
+                'mean')

@@ -15,8 +15,11 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 import numpy as np
 
+from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import FrictionNumbers, quantity_in
+from friction_comp.model.motor_check import check_for_motor
 from friction_comp.number_text import aligned, number, quantity
 from friction_comp.refinement.result import Finding, FoundEffect, RefinementReport, RefineResult
 from friction_comp.reports.figures import (
@@ -222,11 +225,12 @@ def remarks(report: RefinementReport) -> list[str]:
         *(line for line in report.warnings if line not in said)]
 
 
-def next_steps(verdict: str, record: Sequence[str], missing: Sequence[str], output: Path
-               ) -> list[tuple[str, str]]:
+def next_steps(verdict: str, record: Sequence[str], missing: Sequence[str], output: Path,
+               refused: str = '') -> list[tuple[str, str]]:
     """Return what to do next with the files in the folder `output`: a word, and how.
 
-    `record` is what to record, `missing` what a compensator would need to know in addition.
+    `record` is what to record, `missing` what a compensator would need to know in addition, and
+    `refused` why it would not take the model.
     """
     model = shlex.quote(str(output / 'model.yaml'))
     run = 'python3 -m friction_comp'
@@ -234,15 +238,26 @@ def next_steps(verdict: str, record: Sequence[str], missing: Sequence[str], outp
     if verdict != 'record again':
         steps += [('simulate', f'{run} export {model} --to mujoco --output joint.xml'),
                   ('feed ahead', f'{run} predict PLAN.csv --model {model} --output torque.csv'),
-                  ('compensate', f'first find {" and ".join(missing)}: record {_SLOW_REVERSALS}'
+                  ('compensate', f'not with this file: {refused}' if refused else
+                   f'first find {" and ".join(missing)}: record {_SLOW_REVERSALS}'
                    if missing else f'give the compensator the model: model_files [{model}]')]
     return steps
 
 
-def _next_steps(report: RefinementReport, output: Path) -> list[tuple[str, str]]:
+def refusal(model: FrictionModel) -> str:
+    """Return why the compensator would refuse a model, '' if it would not."""
+    try:
+        check_for_motor(model, model.joint)
+    except InputError as error:
+        return str(error)
+    return ''
+
+
+def _next_steps(result: RefineResult, output: Path) -> list[tuple[str, str]]:
+    report = result.report
     return next_steps(report.verdict, report.record_again,
                       [name for name in ('breakaway', 'presliding')
-                       if getattr(report.friction, name) is None], output)
+                       if getattr(report.friction, name) is None], output, refusal(result.model))
 
 
 def step_lines(steps: Sequence[tuple[str, str]]) -> list[str]:
@@ -274,7 +289,7 @@ def terminal_lines(result: RefineResult, names: Sequence[str], output: Path) -> 
     report = result.report
     head = '; '.join([f'{", ".join(names)}: {recorded(result)}', *reading(report)])
     return [head, '', *summary_lines(report), '', *step_lines([
-        ('look', str(output / 'report.html')), *_next_steps(report, output)])]
+        ('look', str(output / 'report.html')), *_next_steps(result, output)])]
 
 
 def summary_lines(report: RefinementReport) -> list[str]:
@@ -314,7 +329,7 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
     else:
         page.text('No effect beyond the friction curve shows in the recordings.')
     page.code(report.friction.formula)
-    add_steps(page, _next_steps(report, output))
+    add_steps(page, _next_steps(result, output))
     page.heading('Measured and predicted')
     page.figure(_time_figure(result, quantity_), f'An excerpt. Dots: measured {quantity_}; line: '
                 'predicted, each regime of motion by a fit to all others. Below: the difference.')

@@ -101,7 +101,10 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
         remarks.append('too little motion to tell the error from that of a constant, or from the '
                        'one that refine expected')
     else:
-        error, constant = rms(residual[moves]), float(measured[moves].std())
+        # The friction that motor and person overcome together, in which no motion changes anything.
+        both = measured if samples.load is None or measured is not samples.current else (
+            measured + np.nan_to_num(samples.load) / model.drive.torque_per_current)
+        error, constant = rms(residual[moves]), float(both[moves].std())
         errors = [f'{error:.4g} {unit} where the joint moves', f'{errors[0]} with standstill']
         if error > constant:
             remarks.append(f'where the joint moves, a constant is only {constant:.4g} {unit} off: '

@@ -17,7 +17,12 @@ from friction_comp.recorded_drive.refine_recordings import assumed_in, notes_on,
 from friction_comp.recordings import read_arm
 from friction_comp.refinement import Origin
 from friction_comp.reports.fleet_page import arm_page
-from friction_comp.reports.refinement_page import refinement_page, step_lines, summary_lines
+from friction_comp.reports.refinement_page import (
+    refinement_page,
+    refusal,
+    step_lines,
+    summary_lines,
+)
 from friction_comp.results import write_report
 from friction_comp.terminal import progress
 from friction_comp.tools.common import folder_names, given_of
@@ -83,10 +88,12 @@ def _next_steps(result: ArmResult, model: Path) -> list[tuple[str, str]]:
     usable = [name for name, one in result.results.items()
               if one.report.verdict != 'record again']
     if usable:
+        refused = [('compensate', f'{name} not with this file: {reason}') for name in usable
+                   if (reason := refusal(result.results[name].model))]
         steps += [('check', f'python3 -m friction_comp predict OTHER --model {model} --joint '
-                   f'{usable[0]} --output current.csv'),
-                  ('compensate', f'joints [{", ".join(usable)}], and {model} for each in '
-                   'model_files')]
+                   f'{usable[0]} --output current.csv'), *(refused or [
+                       ('compensate', f'joints [{", ".join(usable)}], and {model} for each in '
+                        'model_files')])]
     return steps
 
 
