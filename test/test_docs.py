@@ -266,3 +266,10 @@ def test_the_steps_of_a_page_work_in_its_order(page, drive, tmp_path, monkeypatc
 def test_changelog_has_this_version():
     text = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
     assert re.search(rf'^{re.escape(__version__)} \(\d{{4}}-\d\d-\d\d\)\n-+$', text, re.MULTILINE)
+
+
+def test_answers_name_tests_that_exist():
+    tests = ''.join(path.read_text() for path in (ROOT / 'test').glob('test_*.py'))
+    named = re.findall(r'`(test_\w+)`', (ROOT / 'bench' / 'answers.md').read_text())
+    assert named
+    assert [name for name in named if f'def {name}(' not in tests] == []
