@@ -92,8 +92,8 @@ docs: setup
 	@echo build/docs/index.html
 
 bench: setup
-	@set -e; for file in bench/speed.py bench/many_recordings.py; do \
-		echo "$$file"; $(BIN)/python "$$file"; done
+	@$(BIN)/python bench/round_trip.py
+	@$(BIN)/python bench/recordings.py --seconds 60
 
 bench-full: setup
 	@set -e; for file in $(filter-out bench/bench_tools.py,$(wildcard bench/*.py)); do echo "$$file"; $(BIN)/python "$$file"; done

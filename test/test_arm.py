@@ -3,9 +3,9 @@
 """Rigid bodies of an arm: recursion, URDF files and the fit."""
 
 
-from arm_maker import FRICTION, MASSES, PLANE, random_urdf, recorded, SCALES, small_arm, waves
 import numpy as np
 import pytest
+from simulated_arms import FRICTION, MASSES, PLANE, random_urdf, recorded, SCALES, small_arm, waves
 
 from friction_comp.arm.fit import fit_arm
 from friction_comp.arm.solver import pseudo_inertia

@@ -4,10 +4,10 @@
 
 from dataclasses import replace
 
-from arm_maker import waves
 from helpers import sines
 import numpy as np
 import pytest
+from simulated_arms import waves
 
 from friction_comp.model.arm import Coupling, groups_for
 from friction_comp.refinement import refine

@@ -9,10 +9,10 @@ import csv
 from dataclasses import replace
 import json
 
-from arm_maker import FRICTION, MASSES, PLANE, recorded, SCALES, small_arm, waves
 import numpy as np
 import pytest
 from recording_maker import DATA, needs_data
+from simulated_arms import FRICTION, MASSES, PLANE, recorded, SCALES, small_arm, waves
 
 from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.compensation.law import CompensationLaw

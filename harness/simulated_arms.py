@@ -1,9 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arms for tests: URDF files of random trees, and recordings of arms with other links.
-
-Torques come from Pinocchio, or are written out by hand: never from the package.
-"""
+"""URDF files of random arms, and recordings of arms, whose torques come from Pinocchio."""
 
 import numpy as np
 
@@ -31,15 +28,17 @@ def joint(name, kind, parent, child, place, turn, axis):
             '</joint>')
 
 
-def random_urdf(rng, size, kinds=('revolute', 'prismatic', 'continuous')):
+def random_urdf(rng, size, kinds=('revolute', 'prismatic', 'continuous'), branches=0.3):
     """Return the URDF text of a random tree, and its joints' names.
 
-    Between two joints there may be a fixed one, so that a joint carries several links.
+    A share of links branches off. Between two joints there may be a fixed one, so that a joint
+    carries several links.
     """
     parts, names = [link('base', 1.0, np.zeros(3), np.eye(3).tolist())], []
     bodies = ['base']
     for k in range(size):
-        parent = bodies[rng.integers(len(bodies))] if rng.random() < 0.3 else bodies[-1]
+        parent = bodies[rng.integers(len(bodies))] if (
+            rng.random() < branches) else bodies[-1]
         if rng.random() < 0.3:
             parts += [random_link(rng, f'plate{k}'), joint(
                 f'screw{k}', 'fixed', parent, f'plate{k}', rng.normal(size=3) * 0.2,
