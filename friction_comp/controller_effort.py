@@ -6,12 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-# Share of the top speed over which friction is taken to change its sign.
-_TRANSITION = 0.03
 # Parts of a recording whose scatter gives the standard error.
 _PARTS = 10
-# A torque behind a gear that is so many times the motor's is more than any friction makes of it.
-_GEARED = 3.0
 
 
 def controller_effort(time: np.ndarray, target: np.ndarray, position: np.ndarray,
@@ -60,7 +56,8 @@ def load_behind_gear(effort: np.ndarray, link_torque: np.ndarray | None, is_torq
         link_torque = -link_torque
         notes.append('the sign of link_torque is reversed: it is opposite to that of effort')
     ratio = abs(product) / max(power, 1e-300)
-    if is_torque and ratio > _GEARED:
+    # More than any friction makes of it.
+    if is_torque and ratio > 3.0:
         notes.append(f'link_torque is about {ratio:.2g} times the effort, as if that were before a '
                      'gear: give its ratio, --unit effort=100Nm if it is 100')
     return -link_torque
@@ -81,7 +78,8 @@ def _rate(time: np.ndarray, values: np.ndarray, usable: np.ndarray) -> np.ndarra
 def _viscous_friction(effort: np.ndarray, position: np.ndarray, velocity: np.ndarray,
                       acceleration: np.ndarray) -> tuple[float, float]:
     """Return viscous friction of a plain drive, and its standard error."""
-    width = max(_TRANSITION * float(np.nanmax(np.abs(velocity))), 1e-9)
+    # Friction changes its sign over 3 % of the top speed.
+    width = max(0.03 * float(np.nanmax(np.abs(velocity))), 1e-9)
     columns = np.column_stack([velocity, np.tanh(velocity / width), np.ones_like(velocity),
                                acceleration, np.sin(position), np.cos(position)])
     rows = np.flatnonzero(np.isfinite(columns).all(axis=1) & np.isfinite(effort))

@@ -11,8 +11,6 @@ import yaml
 
 from friction_comp.errors import InputError, one_line
 
-# Most values in a document, and how deep they are nested.
-_MOST, _DEEPEST = 4_000_000, 100
 # By libyaml, where PyYAML has it, in a tenth of the time.
 _Loader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
@@ -81,7 +79,7 @@ def parse_yaml(text: str, where: object, references: bool = False) -> Any:
             depth -= isinstance(event, yaml.CollectionEndEvent)
             if isinstance(event, yaml.AliasEvent) and not references:
                 raise yaml.YAMLError('references (*) are not allowed')
-            if depth > _DEEPEST or count > _MOST:
+            if depth > 100 or count > 4_000_000:
                 raise yaml.YAMLError('it holds too much, or is nested too deeply')
         return yaml.load(text, Loader=_PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:

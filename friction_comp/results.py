@@ -12,10 +12,6 @@ from typing import Any, Protocol
 
 from friction_comp.files import encodable
 
-# Version of the JSON that the tools write: increased when an entry is removed or changes its
-# meaning.
-REPORT_VERSION = 1
-
 
 class Page(Protocol):
     """A page of a report, such as `reports.html.Report`."""
@@ -39,7 +35,8 @@ def to_json(content: dict[str, Any]) -> str:
 
     Numpy values become plain ones, NaN and infinity null.
     """
-    values = {'version': REPORT_VERSION, **plain(content, not_finite=None)}
+    # The version increases when an entry is removed or changes its meaning.
+    values = {'version': 1, **plain(content, not_finite=None)}
     return encodable(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)) + '\n'
 
 

@@ -3,15 +3,13 @@
 """The code keeps the rules of docs/architecture.md, and the page agrees with the code."""
 
 import ast
-from collections import Counter, defaultdict
+from collections import defaultdict
 import functools
 from graphlib import TopologicalSorter
 import re
 from xml.dom import minidom
 
 from helpers import ROOT
-
-from friction_comp.__main__ import NODES, TOOLS
 
 PACKAGE = ROOT / 'friction_comp'
 PAGE = (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
@@ -44,12 +42,13 @@ def imports_of(path):
 def imported_modules(path):
     """Give the package's modules that a file imports."""
     for node in imports_of(path):
-        if isinstance(node, ast.ImportFrom) and (node.module or '').startswith('friction_comp.'):
-            yield node.module
-        elif isinstance(node, ast.ImportFrom) and node.module == 'friction_comp':
-            yield from (f'friction_comp.{alias.name}' for alias in node.names)
-        elif isinstance(node, ast.Import):
-            yield from (a.name for a in node.names if a.name.startswith('friction_comp.'))
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif node.module == 'friction_comp':
+            names = [f'friction_comp.{alias.name}' for alias in node.names]
+        else:
+            names = [node.module or '']
+        yield from (name for name in names if name.startswith('friction_comp.'))
 
 
 def arrows():
@@ -91,6 +90,8 @@ def test_each_room_imports_only_rooms_listed_before_it():
     for room, names in declared().items():
         assert names <= set(above), room
         above.append(room)
+    apart = {'identification', 'compensation', 'refinement', 'recordings'}
+    assert all(not declared()[room] & apart for room in apart), 'procedures know each other'
 
 
 def test_there_are_no_circular_imports():
@@ -102,12 +103,6 @@ def test_there_are_no_circular_imports():
     TopologicalSorter({
         name: set(imported_modules(path)) & set(files) - {name}
         for name, path in files.items()}).prepare()
-
-
-def test_procedures_do_not_know_each_other():
-    apart = {'identification', 'compensation', 'refinement', 'recordings'}
-    table = declared()
-    assert all(not table[room] & apart for room in apart)
 
 
 def test_only_nodes_and_ros_import_ros_2():
@@ -122,14 +117,6 @@ def test_only_nodes_and_ros_import_ros_2():
             and any(map(ros.fullmatch, packages(path)))] == []
 
 
-def test_no_two_modules_have_one_name():
-    commands = {*NODES, *TOOLS}
-    names = Counter(
-        path.name for path in MODULES if path.name != '__init__.py'
-        and not (path.parent.name in ('nodes', 'tools') and path.stem in commands))
-    assert [name for name, count in names.items() if count > 1] == []
-
-
 def test_what_runs_without_pytest_imports_nothing_from_the_tests():
     """Benchmarks start without pytest, which would put test/ on the path."""
     tests = {path.stem for path in (ROOT / 'test').glob('*.py')}
@@ -137,31 +124,3 @@ def test_what_runs_without_pytest_imports_nothing_from_the_tests():
         names = {node.module for node in imports_of(path) if isinstance(node, ast.ImportFrom)} | {
             alias.name for node in imports_of(path) for alias in node.names}
         assert not names & tests, path
-
-
-# What opens a file, and who may besides the door, `friction_comp.files`: for files of the package
-# itself or of the system, for drafts in folders that the door made, and for libraries to which the
-# door has shown the file.
-OPENING = {'open', 'read_text', 'read_bytes', 'write_text', 'write_bytes', 'File', 'ParquetFile',
-           'ZipFile', 'connect', 'genfromtxt', 'fromfile', 'memmap', 'parse', 'read_csv', 'loadmat',
-           'whosmat', 'TemporaryDirectory', 'NamedTemporaryFile', 'mkstemp', 'mkdtemp'}
-OPENERS = {
-    'arm/urdf.py', 'demo/processes.py', 'demo/ros_domain.py', 'files.py', 'recordings/storage.py',
-    'reports/html.py', 'results.py', 'ros/node_parts.py', 'ros/ros_start.py',
-    'tables/table_files.py', 'terminal.py', 'tools/common.py', 'tools/refine_each.py',
-    'tools/reproduce.py'}
-
-
-def test_only_the_door_opens_files():
-    found = set()
-    for path in MODULES:
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
-            if isinstance(node, ast.Call):
-                called = node.func
-                name = getattr(called, 'attr', getattr(called, 'id', ''))
-                whose = ast.unparse(called).rpartition('.')[0]
-                loads = name in ('load', 'load_npz') and whose in ('np', 'json', 'pickle')
-                own = whose.startswith(('self.', 'parser', 'yaml')) or whose == 'Arguments'
-                if loads or (name in OPENING and not own):
-                    found.add(str(path.relative_to(PACKAGE)))
-    assert found - OPENERS == set()

@@ -3,7 +3,6 @@
 """The package under pip, colcon and `ros2 run`: what it offers, how fast, and its files' rules."""
 
 import ast
-import functools
 import os
 from pathlib import Path
 import re
@@ -26,26 +25,15 @@ LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 INTERFACES = 'friction_comp_interfaces'
 # What takes long to import.
 SLOW = ('numba', 'scipy', 'matplotlib', 'rosbags', 'rclpy', 'rich')
-# What rosdep calls the packages from which other modules come.
+# Where rosdep's key is not `python3-` and the name: the others come with the package named.
 ROSDEP_KEYS = {
-    'ament_index_python': 'ament_index_python',
-    'cycler': 'python3-matplotlib',  # comes with it
-    'markdown_it': 'python3-rich',  # comes with it
-    'matplotlib': 'python3-matplotlib',
-    'lz4': 'mcap-ros2-support',  # comes with it
-    'mcap': 'mcap-ros2-support',  # comes with it
-    'numba': 'python3-numba',
-    'numpy': 'python3-numpy',
-    'rich': 'python3-rich',
-    'rosbags': 'python3-rosbags-pip',
-    'scipy': 'python3-scipy',
-    'threadpoolctl': 'python3-threadpoolctl',
-    'yaml': 'python3-yaml',
-    'zstandard': 'mcap-ros2-support',  # comes with mcap
-}
+    'ament_index_python': 'ament_index_python', 'cycler': 'python3-matplotlib',
+    'markdown_it': 'python3-rich', 'lz4': 'mcap-ros2-support', 'mcap': 'mcap-ros2-support',
+    'rosbags': 'python3-rosbags-pip', 'zstandard': 'mcap-ros2-support'}
+# Extras for pip, dependencies of the tests for rosdep.
+OPTIONAL = {'pinocchio', 'pyarrow', 'h5py', 'mujoco', 'distributed'}
 
 
-@functools.cache
 def imported(path):
     """Names of the top-level packages that a file imports anywhere."""
     names = set()
@@ -87,14 +75,12 @@ def test_the_version_is_the_same_everywhere():
 def test_package_xml_names_what_the_modules_import():
     manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
     declared = {e.text for e in manifest if e.tag in ('depend', 'exec_depend')}
-    needed = set()
-    for path in MODULES + LAUNCH_FILES:
-        for name in imported(path) - set(sys.stdlib_module_names):
-            # Optional ones are extras for pip, dependencies of the tests for rosdep.
-            if name not in ('friction_comp', INTERFACES, 'pinocchio', 'pyarrow', 'h5py',
-                             'mujoco', 'distributed'):
-                needed.add(ROSDEP_KEYS.get(name, name))
-    assert needed - declared == set()
+    needed = set().union(*map(imported, MODULES + LAUNCH_FILES)) - {
+        'friction_comp', INTERFACES, *OPTIONAL, *sys.stdlib_module_names}
+    # Those of ROS have keys of their own.
+    missing = {name for name in needed if not declared & {
+        ROSDEP_KEYS.get(name, f'python3-{name}'), name}}
+    assert missing == set()
 
 
 def test_python_files_have_a_licence_and_a_readable_length():
@@ -237,16 +223,12 @@ def test_every_public_name_is_what_it_says():
         exec('from friction_comp import nonsense')
 
 
-def test_import_of_the_package_loads_nothing_slow():
-    """Nor NumPy: the command line sets the number of its threads first."""
-    loaded = printed_by('import sys, friction_comp.__main__; print(*sys.modules)').split()
-    assert not {'numpy', *SLOW} & set(loaded)
-
-
-def test_help_and_mistakes_are_answered_before_anything_slow_is_loaded():
-    code = f"""
+def test_import_help_and_mistakes_load_nothing_slow():
+    """Nor does the import load NumPy: the command line sets the number of its threads first."""
+    first, second = printed_by(f"""
 import contextlib, io, sys
 from friction_comp.__main__ import main
+print(*sys.modules)
 for name in {[*NAMES]}:
     shown = io.StringIO()
     with contextlib.redirect_stdout(shown), contextlib.suppress(SystemExit):
@@ -257,5 +239,6 @@ for name in {[*entry.TOOLS]}:
     with contextlib.redirect_stderr(shown), contextlib.suppress(SystemExit):
         main([name, '--no-such-argument'])
 print(*sys.modules)
-"""
-    assert not set(SLOW) & set(printed_by(code).split())
+""").splitlines()
+    assert not {'numpy', *SLOW} & set(first.split())
+    assert not set(SLOW) & set(second.split())

@@ -16,9 +16,9 @@ from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.number_text import number, quantity
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
-from friction_comp.reports.evaluation_page import curves_figure, evaluation_page
-from friction_comp.reports.figures import band, COLOURS, for_page, panels, scatter, WIDTH
-from friction_comp.reports.html import Report, value
+from friction_comp.reports.evaluation_page import evaluation_page
+from friction_comp.reports.figures import band, COLOURS, panels, scatter
+from friction_comp.reports.html import Report
 from friction_comp.reports.refinement_page import (
     effect_rows,
     errors,
@@ -35,22 +35,17 @@ class Page(HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.open, self.tags, self.ids, self.words = [], [], [], []
+        self.open, self.tags, self.words = [], [], []
         self.feed(text)
         assert self.open == []
 
     def handle_starttag(self, tag, attrs):
-        attributes = dict(attrs)
-        self.tags.append((tag, attributes))
-        if 'id' in attributes:
-            self.ids.append(attributes['id'])
+        self.tags.append((tag, dict(attrs)))
         if tag not in VOID:
             self.open.append(tag)
 
     def handle_startendtag(self, tag, attrs):
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID:
-            self.open.pop()
+        self.tags.append((tag, dict(attrs)))
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
@@ -62,64 +57,45 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.tags if name == tag]
 
 
-def drawing():
+def page_with_everything():
     figure, axes = panels(['', ''], 'time [s]')
     x = np.linspace(0.0, 1.0, 50)
     band(axes[0], x, np.sin(x), 0.1 * x, 'predicted', 'mean')
     scatter(axes[1], x, np.cos(x), 'measured', 'dots')
     axes[0].legend()
-    return figure
-
-
-def page_with_everything():
     report = Report('Friction of <joint> & *drive*', 'a `subtitle`')
     report.heading('First')
     report.text('Words with **weight**, 2 * 3 = 6 and x < y.')
     report.bullets(['one', 'two'], 'Both:')
     report.numbers([('1.2 N·m', 'peak'), ('−65 %', 'change')])
-    report.figure(drawing(), 'A curve that rises from **0** to 0.84.')
-    report.figure(drawing(), 'The same "again".')
-    report.heading('Second')
+    report.figure(figure, 'A curve that rises from **0** to 0.84.')
+    report.figure(figure, 'The same "again".')
     report.table(['name', 'value'], [['a', 1.5], ['b', None], ['c', -20.25]], 'What was found')
-    report.heading('Third')
     report.code('\nros2 run friction_comp plant <&>\n')
     return report
 
 
-def test_page_is_whole_and_needs_nothing_else():
+def test_a_page_is_whole_needs_nothing_else_and_escapes_text():
     text = page_with_everything().html()
     page = Page(text)
     assert page.of('html')[0]['lang'] == 'en'
     assert not page.of('script')
     assert not page.of('link')
     # Nothing is downloaded: the only addresses are names of XML namespaces.
-    rest = re.sub(r'xmlns(:\w+)?="[^"]*"', '', text)
-    assert 'http' not in rest
-    for attributes in page.of('img'):
-        assert attributes['src'].startswith('data:')
-    assert len(page.ids) == len(set(page.ids))
-    used = {a[k][1:] for a in page.of('use') for k in a if k.endswith('href')}
+    assert 'http' not in re.sub(r'xmlns(:\w+)?="[^"]*"', '', text)
+    assert all(attributes['src'].startswith('data:') for attributes in page.of('img'))
+    ids = [attributes['id'] for _, attributes in page.tags if 'id' in attributes]
+    assert len(ids) == len(set(ids))
+    used = {a[k][1:] for a in page.of('use') for k in a if k.endswith('href')} | set(
+        re.findall(r'url\(#([^)]+)\)', text))
     assert used
-    assert used <= set(page.ids)
-    clips = set(re.findall(r'url\(#([^)]+)\)', text))
-    assert clips
-    assert clips <= set(page.ids)
-
-
-def test_page_says_what_figures_show_and_escapes_text():
-    text = page_with_everything().html()
-    page = Page(text)
+    assert used <= set(ids)
     drawings = [a for a in page.of('svg') if a.get('role') == 'img']
     assert [a['aria-label'] for a in drawings] == [
         'A curve that rises from 0 to 0.84.', 'The same "again".']
-    assert 'Friction of &lt;joint&gt; &amp; *drive*' in text
-    assert '2 * 3' in text.replace('\u00a0', ' ')
-    assert '<strong>weight</strong>' in text
-    assert '<li>two</li>' in text
-    assert 'plant &lt;&amp;&gt;' in text
-    assert 'currentColor' in text
-    assert 'prefers-color-scheme: dark' in text
-    assert '@media print' in text
+    for words in ('Friction of &lt;joint&gt; &amp; *drive*', '2 * 3', '<strong>weight</strong>',
+                  'plant &lt;&amp;&gt;', 'prefers-color-scheme: dark', '@media print'):
+        assert words in text.replace('\u00a0', ' ')
 
 
 def test_tables_align_numbers():
@@ -165,21 +141,7 @@ def texts_of(page):
     return found
 
 
-def test_a_figure_has_one_value_wherever_a_page_shows_it(evaluation, refined):
-    page = Report('Two')
-    page.verdict(f'It is **{value("peak", "1.2 N·m")}**.')
-    page.numbers([(value('peak', '1.3 N·m'), 'peak')])
-    assert texts_of(page) == {'peak': {'1.2 N·m', '1.3 N·m'}}
-    for real, least in ((refined[1], 8), (evaluation_page([evaluation]), 2)):
-        texts = texts_of(real)
-        assert len(texts) >= least
-        assert {name: own for name, own in texts.items() if len(own) > 1} == {}
-        # Each of the most important stands in the first box or tiles, and in a table.
-        assert max(name for name, _ in real.values)
-        assert any(sum(name == other for other, _ in real.values) > 1 for name in texts)
-
-
-def test_every_number_of_a_page_is_that_of_the_report(evaluation, refined):
+def test_every_number_of_a_page_is_that_of_the_report_wherever_it_stands(evaluation, refined):
     report, texts = refined[0].report, texts_of(refined[1])
     rows = [*friction_rows(report.friction), *effect_rows(report)]
     expected = {row.key: row.value for row in rows} | {key: text for key, _, text in errors(report)}
@@ -187,9 +149,9 @@ def test_every_number_of_a_page_is_that_of_the_report(evaluation, refined):
         'elsewhere': {quantity(report.after.elsewhere_motion_rmse, report.unit)}}
     assert expected['coulomb'] == f'{report.friction.coulomb:.3f} N·m'
     assert expected['error'] == quantity(report.after.held_out_rmse, report.unit)
-    shown = {text for own in texts_of(evaluation_page([evaluation])).values() for text in own}
     found = evaluation.comparison('peak_torque')
-    assert shown == {f'{number(mean)} N·m' for mean in (found.mean_first, found.mean_second)}
+    assert sorted(map(sorted, texts_of(evaluation_page([evaluation])).values())) == sorted(
+        [f'{number(mean)} N·m'] for mean in (found.mean_first, found.mean_second))
 
 
 def test_nothing_is_judged_from_two_repetitions(evaluation):
@@ -200,47 +162,26 @@ def test_nothing_is_judged_from_two_repetitions(evaluation):
     assert 'That is not judged' in text
 
 
-def test_what_came_before_the_movement_is_shaded(evaluation):
-    for axes in curves_figure(evaluation).axes:
-        spans = [patch.get_extents().x1 for patch in axes.patches]
-        torque = axes.get_ylabel().startswith('torque')
-        assert bool(spans) == torque
-        if torque:
-            begin = axes.transData.transform((0.0, 0.0))[0]
-            assert spans == pytest.approx([begin] * len(spans), abs=0.5)
-
-
 # Colours that one figure may show together.
 TOGETHER = (('measured', 'predicted'), ('no help', 'unknown', 'known', 'other'),
             ('no help', 'unknown', 'known', 'refined'), ('measured', 'out'))
+# Of red, green and blue, what the three cones see (Vienot, Brettel and Mollon 1999), and the cone
+# that protanopes and deuteranopes replace by the two others.
+CONES = np.array([[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714],
+                  [0.0299566, 0.184309, 1.46709]])
+BLIND = {None: np.eye(3), 'red': [[0, 2.02344, -2.52581], [0, 1, 0], [0, 0, 1]],
+         'green': [[1, 0, 0], [0.494207, 0, 1.24827], [0, 0, 1]]}
 
 
-@pytest.mark.parametrize('blind', [0, 1, None])
+@pytest.mark.parametrize('blind', BLIND)
 def test_colours_differ_for_people_of_any_colour_vision(blind):
     def seen(colour):
         rgb = np.array([int(COLOURS[colour][k:k + 2], 16) / 255.0 for k in (1, 3, 5)]) ** 2.2
-        # Vienot, Brettel and Mollon (1999): protanopes and deuteranopes.
-        lms = np.array([[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714],
-                        [0.0299566, 0.184309, 1.46709]]) @ rgb
-        if blind == 0:
-            lms[0] = 2.02344 * lms[1] - 2.52581 * lms[2]
-        elif blind == 1:
-            lms[1] = 0.494207 * lms[0] + 1.24827 * lms[2]
-        rgb = np.linalg.solve(np.array([
-            [17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714],
-            [0.0299566, 0.184309, 1.46709]]), lms)
+        rgb = np.linalg.solve(CONES, np.array(BLIND[blind]) @ CONES @ rgb)
         return 255.0 * np.clip(rgb, 0.0, 1.0) ** (1 / 2.2)
     for group in TOGETHER:
         for one, other in combinations(group, 2):
             assert np.linalg.norm(seen(one) - seen(other)) > 40.0, (one, other)
-
-
-def test_letters_of_figures_can_be_read_on_a_phone():
-    figure, axes = panels(['a'], 'x')
-    axes[0].plot([0, 1], [0, 1])
-    width = 440.0 / (72.0 * WIDTH)
-    sizes = {float(size) for size in re.findall(r'font-size: ([\d.]+)px', for_page(figure))}
-    assert min(sizes) * width >= 8.0
 
 
 def test_the_first_command_answers_in_25_lines(tmp_path, capsys):

@@ -16,10 +16,6 @@ from friction_comp.direction.joint_motion import Announcement, JointMotion
 
 # Time over which the distance is covered, s; and without a reference after which nothing is known.
 _WINDOW, _SILENCE = 0.2, 0.25
-# Steps of the reference that are no motion: an encoder that flickers between two counts.
-_STEPS = 1.5
-# rad by which a joint may be ahead of its reference: help would drive it farther.
-_AHEAD = 0.01
 
 
 class DesiredMotion:
@@ -49,7 +45,8 @@ class DesiredMotion:
         past.append((time, desired))
         while len(past) > 2 and time - past[1][0] >= _WINDOW:
             past.popleft()
-        least = max(self._least, _STEPS * self._step if self._step < math.inf else 0.0)
+        # An encoder that flickers between two counts does not move.
+        least = max(self._least, 1.5 * self._step if self._step < math.inf else 0.0)
         begin, position = past[0]
         covered = desired - position
         if self._direction == 0:
@@ -71,6 +68,7 @@ class DesiredMotion:
             return Announcement(0, 'joint_states are missing', fault=True)
         if not self._direction:
             return Announcement(0, 'the reference rests')
-        if (position - self._past[-1][1]) * self._direction > _AHEAD:
+        # By more than 0.01 rad: help would drive it farther.
+        if (position - self._past[-1][1]) * self._direction > 0.01:
             return Announcement(0, 'the joint is ahead of the reference')
         return Announcement(self._direction, 'the reference moves')

@@ -21,25 +21,13 @@ from friction_comp.errors import InputError
 
 CALIBRATION_TIME = 3.0
 """s at rest."""
-FALSE_ALARMS = 0.25
-"""Alarms per hour without cause, at most."""
 # Standard deviations by which a value may deviate without adding to a sum: half of the smallest
-# change that is to be found; and limits of the sum from which on a push is beyond doubt: without a
-# cause, once in a thousand years.
-_ALLOWANCE, _SURE = 1.5, 2.0
-# s with which the level at rest follows, and the scatter when it grows and when it shrinks; by how
-# much both are behind, so that an onset does not hide itself.
-_LEVEL, _GROWS, _SHRINKS, _BEHIND = 1.0, 0.2, 30.0, 0.15
-# Share of the range at its ends that counts as saturated; s of silence, and of equal values.
-_RAIL, _SILENT, _FLAT = 0.005, 0.1, 0.3
-# Values on the same side that an onset needs, and the share of their rise that, made in a single
-# step, is a jump: the fastest contractions take 60 ms (Aagaard et al. 2002).
-_AGREE, _JUMP = 3, 0.8
-# s of rest before an attempt, and after it; share of the largest force of the attempt below which
-# it is over; s without motion after which it is taken back.
-_REARM, _OVER, _RELEASE, _PATIENCE = 0.3, 0.15, 0.2, 3.0
-# Attempts in a row in which the joint moved the other way.
-_CONTRADICTIONS = 3
+# change that is to be found.
+_ALLOWANCE = 1.5
+# s after which a sensor is silent; values on the same side that an onset needs.
+_SILENT, _AGREE = 0.1, 3
+# s of rest before an attempt, and after it.
+_REARM, _OVER = 0.3, 0.15
 
 
 class ChangeTest:
@@ -57,9 +45,11 @@ class ChangeTest:
         steps = np.abs(np.diff(values))
         self._least = max(known, float(steps[steps > 0.0].min(initial=math.inf))) ** 2
         self._variance = self._recent = self._least
-        # Two sides. The sum times twice the allowance is one of log likelihood ratios.
-        self.limit = math.log(2.0 * 3600.0 * rate / FALSE_ALARMS) / (2.0 * _ALLOWANCE)
-        self._step, self._delay = 1.0 / rate, round(_BEHIND * rate)
+        # Two sides, with an alarm without cause in four hours. The sum times twice the allowance is
+        # one of log likelihood ratios.
+        self.limit = math.log(2.0 * 3600.0 * rate / 0.25) / (2.0 * _ALLOWANCE)
+        # Level and scatter are 0.15 s behind, so that an onset does not hide itself.
+        self._step, self._delay = 1.0 / rate, round(0.15 * rate)
         self.settle(float(values.mean()))
 
     @property
@@ -75,7 +65,8 @@ class ChangeTest:
 
     def add(self, value: float) -> int:
         """Add a value and return the alarm."""
-        z, most = (value - self.level) / self.scatter, _SURE * self.limit
+        # At twice the limit a push is beyond doubt: without a cause, once in a thousand years.
+        z, most = (value - self.level) / self.scatter, 2.0 * self.limit
         self._up = min(most, max(0.0, self._up + z - _ALLOWANCE))
         self._down = min(most, max(0.0, self._down - z - _ALLOWANCE))
         self.sure = (self._up == most) - (self._down == most)
@@ -91,9 +82,10 @@ class ChangeTest:
         if len(self._waiting) <= self._delay:
             return
         deviation = self._waiting.popleft() - self.level
-        self.level += deviation * min(1.0, self._step / _LEVEL)
-        self._recent += min(1.0, self._step / _GROWS) * (deviation**2 - self._recent)
-        shrunk = self._variance * (1.0 - min(1.0, self._step / _SHRINKS))
+        # Within 1 s; the scatter grows within 0.2 s, and shrinks within 30 s.
+        self.level += deviation * min(1.0, self._step)
+        self._recent += min(1.0, self._step / 0.2) * (deviation**2 - self._recent)
+        shrunk = self._variance * (1.0 - min(1.0, self._step / 30.0))
         self._variance = max(self._least, self._recent, shrunk)
 
 
@@ -111,7 +103,8 @@ class ForceDirection:
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
             raise InputError('sensor_range must be the lowest and the highest value that the '
                              f'sensor can give, such as [0, 1023], not [{low:g}, {high:g}]')
-        margin = _RAIL * (high - low)
+        # At the ends of its range a value is saturated.
+        margin = 0.005 * (high - low)
         self._inside = low + margin, high - margin
         self.motion = JointMotion()
         self._resting, self._stopped = False, -math.inf
@@ -141,7 +134,7 @@ class ForceDirection:
         rate = (len(values) - len(self._collected[0])) / passed
         changes = np.flatnonzero(np.diff(values) != 0.0)
         longest = np.diff(np.concatenate([[-1], changes, [len(values) - 1]])).max()
-        self._flat, self._silent = max(4.0 * longest, _FLAT * rate), max(_SILENT, 5.0 / rate)
+        self._flat, self._silent = max(4.0 * longest, 0.3 * rate), max(_SILENT, 5.0 / rate)
         self._recent: deque[float] = deque(maxlen=max(_AGREE + 2, round(_REARM * rate)))
         self._test = ChangeTest(values, rate)
 
@@ -208,7 +201,7 @@ class ForceDirection:
             return f'sensor: saturated at {value:g}'
         if self._run > self._flat:
             return 'sensor: flat'
-        if self._against >= _CONTRADICTIONS:
+        if self._against >= 3:
             return 'the joint moves against the sensor: is its sign reversed?'
         return '' if self.motion.known(time) else 'joint_states are missing'
 
@@ -226,7 +219,8 @@ class ForceDirection:
         steps = [side * (after - before) for before, after in zip(values, values[1:])]
         largest, rise = max(steps[1:]), side * (values[-1] - values[0])
         stands = len(set(values[-3:])) == 1
-        if stands or largest > max(_JUMP * rise, 6.0 * test.scatter):
+        # The fastest contractions take 60 ms (Aagaard et al. 2002).
+        if stands or largest > max(0.8 * rise, 6.0 * test.scatter):
             # Only the next value tells the newest step from the beginning of a push.
             if stands or steps[-1] < largest:
                 self._stop(time, 'a jump, no push')
@@ -239,7 +233,7 @@ class ForceDirection:
         """End the attempt if the sensor or the motion says that it is over."""
         own, speed = force * self._direction, self.motion.speed * self._direction
         self._largest = max(self._largest, own)
-        if own > _RELEASE * self._largest:
+        if own > 0.2 * self._largest:
             self._strong = time
         if speed > STILL:
             self._moved, self._against, self._tried = True, 0, time
@@ -252,7 +246,7 @@ class ForceDirection:
             self._stop(time, 'the movement is over')
         elif time - self._strong > _OVER:
             self._stop(time, 'the push is over')
-        elif time - self._tried > _PATIENCE:
+        elif time - self._tried > 3.0:
             self._stop(time, 'no movement followed')
 
     def _stop(self, time: float, reason: str) -> None:

@@ -13,9 +13,6 @@ from friction_comp.checks import check_number
 from friction_comp.errors import InputError
 from friction_comp.files import read_xml, read_yaml
 
-# rad, and rad/s, rad/s² and N·m, beyond any joint that is planned for.
-_FARTHEST, _LEAST, _MOST = 100.0, 1e-6, 1e6
-
 
 @dataclass(frozen=True)
 class JointLimits:
@@ -30,11 +27,12 @@ class JointLimits:
 
     def __post_init__(self) -> None:
         what = f'joint {self.joint!r}: the limit of'
+        # Beyond any joint that is planned for.
         for end in (self.lowest, self.highest):
-            check_number(end, f'{what} position', least=-_FARTHEST, most=_FARTHEST)
+            check_number(end, f'{what} position', least=-100.0, most=100.0)
         for name in ('velocity', 'acceleration', 'effort'):
             if name != 'effort' or self.effort != math.inf:
-                check_number(getattr(self, name), f'{what} {name}', least=_LEAST, most=_MOST)
+                check_number(getattr(self, name), f'{what} {name}', least=1e-6, most=1e6)
         if not self.lowest < self.highest:
             raise InputError(f'joint {self.joint!r}: the lowest position {self.lowest:g} is not '
                              f'below the highest {self.highest:g}')

@@ -34,12 +34,8 @@ SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
 MARGIN = 0.95
 # Shortest plan, s, which has moves enough, and longest: `_POINTS` are enough for its moves.
 _SHORTEST, _LONGEST = 20.0, 1800.0
-_POINTS, _EVALUATED = 32768, 50.0
+_POINTS = 32768
 _POPULATION, _GENERATIONS = 6, 10
-# Factor by which a plan that needs too much effort is slowed down, and how often.
-_SLOWER, _TRIALS = 0.8, 12
-# Weight of the logarithm of each pair relative to the worst pair.
-_MEAN = 0.3
 # Steepest slope of u³(10 - 15u + 6u²), the profile with which speed rises.
 _STEEPEST = 1.875
 # Shortest time in which speed rises, s: it limits jerk, in short moves too.
@@ -182,26 +178,27 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
     def planned(shape: np.ndarray, own: JointLimits) -> JointPlan:
         moves = moves_of_shape(shape, own, seconds, points)
         return JointPlan(limits, tuple(moves), seconds, separations(
-            samples_of(moves, limits, seconds, _EVALUATED), pairs, coverage))
+            samples_of(moves, limits, seconds, 50.0), pairs, coverage))
 
     def cost(shape: np.ndarray) -> float:
         shares = list(planned(shape, limits).separation.values())
         logarithms = np.log(np.maximum(shares, 1e-6))
-        return -float(min(logarithms) + len(pairs) * np.mean(logarithms) * _MEAN)
+        # The worst pair, and of each other one a little.
+        return -float(min(logarithms) + 0.3 * len(pairs) * np.mean(logarithms))
     generation = count(1)
     shape = differential_evolution(
         cost, SHAPE, popsize=_POPULATION, maxiter=_GENERATIONS, tol=0.0, polish=False, seed=seed,
         callback=lambda *_, **__: report(next(generation) / _GENERATIONS)).x
     reduced = limits
-    for _ in range(_TRIALS):
+    for _ in range(12):
         plan = planned(shape, reduced)
         if not any(plan.separation.values()):
             # At this speed, hardly any move fits into the time.
             break
         if model is None or peak_torque(model, plan.samples(200.0)) <= MARGIN * limits.effort:
             return plan
-        reduced = replace(reduced, velocity=_SLOWER * reduced.velocity,
-                          acceleration=_SLOWER * reduced.acceleration)
+        reduced = replace(reduced, velocity=0.8 * reduced.velocity,
+                          acceleration=0.8 * reduced.acceleration)
     raise InputError(
         f'joint {limits.joint!r}: {seconds:g} s are too short for motion within these limits'
         if reduced is limits else f'joint {limits.joint!r}: by its model even slow motion needs '

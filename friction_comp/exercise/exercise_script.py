@@ -24,13 +24,10 @@ from friction_comp.files import read_yaml
 FORMAT, VERSION = 'friction_comp_exercise', 1
 _UNITS = {'deg': math.pi / 180.0, 'rad': 1.0}
 _KEYS = {'format', 'version', 'unit', 'joints', 'repetitions', 'announcement', 'steps'}
-# Angles that differ by less, rad, are the same position; movements by less are rounding errors of a
-# plan, and not announced; and a shorter standstill, s, is no rest.
-_SAME, _LEAST, _REST = 1e-9, 2e-3, 0.05
-# Points at which deceleration is looked for, and share of the largest speed below which it begins.
-_GRID, _UNEVEN = 400, 0.97
-# Longest step and exercise, s, and farthest angle, rad; all repetitions are computed at the start.
-_LONGEST, _FARTHEST, _MOST_REPETITIONS = 86_400.0, 1e3, 10_000
+# Angles that differ by less, rad, are the same position.
+_SAME = 1e-9
+# Longest step and exercise, s, and farthest angle, rad.
+_LONGEST, _FARTHEST = 86_400.0, 1e3
 
 
 class ExerciseScript:
@@ -105,8 +102,9 @@ def exercise_of(document: Any) -> ExerciseScript:
         raise InputError('joints must be a list of distinct names')
     announcement = check_number(
         document.get('announcement', 1.0), 'announcement', least=0.0, most=_LONGEST)
+    # All are computed at the start.
     count = check_whole_number(
-        document.get('repetitions', 1), 'repetitions', least=1, most=_MOST_REPETITIONS)
+        document.get('repetitions', 1), 'repetitions', least=1, most=10_000)
     steps = check_list(document.get('steps'), 'steps')
     if not steps:
         raise InputError('steps must be a list of holds and movements')
@@ -159,16 +157,17 @@ def _announcements(times: np.ndarray, position: np.ndarray, speed: Any,
     """Return begin (s), end (s), direction and last position of each movement of one joint."""
     steps = np.diff(position)
     signs = np.where(np.abs(steps) < _SAME, 0, np.sign(steps)).astype(int)
-    # A plan may stand for a sample at its turn, which is no rest.
+    # A plan may stand for a sample at its turn, less than 0.05 s, which is no rest.
     for k in np.flatnonzero(signs[1:-1] == 0) + 1:
-        if signs[k - 1] and signs[k + 1] and times[k + 1] - times[k] < _REST:
+        if signs[k - 1] and signs[k + 1] and times[k + 1] - times[k] < 0.05:
             signs[k] = signs[k + 1]
     # A movement extends over all steps in the same direction.
     firsts = np.flatnonzero(np.diff(signs, prepend=2))
     spans: list[tuple[float, float, int, float]] = []
     stopped = 0.0
     for first, after in zip(firsts, [*firsts[1:], len(signs)]):
-        if signs[first] == 0 or abs(position[after] - position[first]) < _LEAST:
+        # Movements by less than 2 mrad are rounding errors of a plan.
+        if signs[first] == 0 or abs(position[after] - position[first]) < 2e-3:
             continue
         begin, end = float(times[first]), float(times[after])
         if first == 0 or signs[first - 1] == 0:
@@ -184,9 +183,9 @@ def _announcements(times: np.ndarray, position: np.ndarray, speed: Any,
 def _decelerates(times: np.ndarray, speed: Any) -> float:
     """Return when a movement through waypoints begins to decelerate to its final rest, s."""
     grid = np.unique(np.concatenate([
-        np.linspace(begin, end, max(3, _GRID // len(times)))
+        np.linspace(begin, end, max(3, 400 // len(times)))
         for begin, end in zip(times, times[1:])]))
     # Backwards in time, the speed grows until there; a plan's samples make it uneven.
     speeds = np.abs(speed(grid))[::-1]
-    falls = np.append(speeds < _UNEVEN * np.maximum.accumulate(speeds), True)
+    falls = np.append(speeds < 0.97 * np.maximum.accumulate(speeds), True)
     return float(grid[::-1][np.argmax(speeds[:np.argmax(falls)])])

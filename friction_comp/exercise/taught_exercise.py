@@ -22,11 +22,9 @@ from friction_comp.errors import InputError
 from friction_comp.exercise.exercise_script import FORMAT, VERSION
 
 RATE = 100.0
-# Hz: voluntary movement has little above, tremor begins there.
-_LOW_PASS = 4.0
 DEGREE = math.pi / 180.0
-# A turn by less is no reversal, and a curve that is closer is on the path, rad.
-TURN, _CLOSE = 1.0 * DEGREE, 0.5 * DEGREE
+# A turn by less is no reversal, rad.
+TURN = 1.0 * DEGREE
 # A place is held if it is not left by more, rad, for so long, s.
 _PLACE, _REST = 0.4 * DEGREE, 0.4
 # s of rest before the first movement, so that it can be announced.
@@ -56,7 +54,8 @@ def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
         raise InputError(f'{time[-1] - time[0]:.2g} s are too short for an exercise')
     even = np.arange(time[0], time[-1], 1.0 / RATE)
     raw = np.column_stack([np.interp(even, time, column) for column in position.T])
-    path = sosfiltfilt(butter(2, _LOW_PASS, fs=RATE, output='sos'), raw, axis=0)
+    # Voluntary movement has little above 4 Hz, tremor begins there.
+    path = sosfiltfilt(butter(2, 4.0, fs=RATE, output='sos'), raw, axis=0)
     shaped, keys = zip(*(_one_way(column) for column in path.T))
     shape = np.column_stack(shaped)
     shape = np.round((shape - shape[0]) / _GRAIN) * _GRAIN
@@ -129,7 +128,7 @@ def _add_where_far(time: np.ndarray, shape: np.ndarray, knots: list[int]) -> np.
         curve = PchipInterpolator(time[knots], shape[knots])(time)
         far = np.abs(curve - shape).max(axis=1)
         added = [begin + int(np.argmax(far[begin:end])) for begin, end in zip(knots, knots[1:])
-                 if far[begin:end].max() > _CLOSE]
+                 if far[begin:end].max() > 0.5 * TURN]
         if not added:
             return np.array(knots)
         knots = sorted({*knots, *added})

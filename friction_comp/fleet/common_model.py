@@ -23,10 +23,6 @@ from friction_comp.refinement.effect_columns import EQ6_COLUMNS, EQ6_LINEAR, Tab
 from friction_comp.refinement.prepare import join, prepare
 from friction_comp.samples import Samples
 
-# Share of a joint's recordings that must show an effect.
-_SHARE = 0.5
-# Blocks of time of a recording.
-_BLOCKS = 16
 # Effects that need the rest of the arm.
 _OF_THE_ARM = ('other_joints', 'rigid_body', 'carried_load_friction')
 
@@ -63,7 +59,7 @@ class CommonModel:
                     effect.name in EFFECTS and effect.name not in _OF_THE_ARM):
                 found.setdefault(effect.name, []).append(effect)
         shared = [sorted(alike, key=lambda one: list(one.values.values())[:1])[len(alike) // 2]
-                  for alike in found.values() if len(alike) >= _SHARE * len(models)]
+                  for alike in found.values() if 2 * len(alike) >= len(models)]
         steepness = float(np.median([model.sigmoid.steepness for model in models]))
         return cls((steepness, 0.0), tuple(Term(type(one), dict(one.values)) for one in shared),
                    tuple(len(one.coefficients) for one in shared))
@@ -83,8 +79,8 @@ class CommonModel:
         if len(table.add(self.terms)) < len(self.terms):
             raise InputError('an effect is not finite in the recordings')
         columns = table.indices(self.terms)
-        # What repeats in a recording scatters over time; regimes would count what the model lacks.
-        block = np.argsort(np.argsort(rows.start)) * _BLOCKS // len(rows.start)
+        # 16 blocks of time: what repeats scatters over time; regimes would count what is missing.
+        block = np.argsort(np.argsort(rows.start)) * 16 // len(rows.start)
         return BlockSums.over(np.vstack((table.columns[columns], table.target)), block,
                               table.sums.signs[columns])
 

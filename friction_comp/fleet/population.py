@@ -26,9 +26,8 @@ from friction_comp.refinement.block_sums import BlockSums, squared_errors
 from friction_comp.results import plain
 from friction_comp.statistics import CONFIDENCE, student_quantile, student_tail
 
-# Fewest units that tell something about their spread, and the largest share of them that may be
-# out: with more, they are no exceptions.
-FEWEST_UNITS, _LARGEST_SHARE = 4, 0.25
+# Fewest units that tell something about their spread.
+FEWEST_UNITS = 4
 _TINY = 1e-300
 # The error of the common model, compared like a parameter: a unit with an effect that no other has
 # shows by it. No model is exact: that it describes a unit a little worse than others says nothing.
@@ -260,7 +259,8 @@ def spread_of(units: Values, tests: int = 1) -> Spread:
     """
     size, every = len(units.value), np.arange(len(units.value))
     inside, removed, significant = np.ones(size, dtype=bool), [], 0
-    for k in range(int(_LARGEST_SHARE * size)):
+    # More than a quarter are no exceptions.
+    for k in range(size // 4):
         mean, _, variance = _population(units, inside)
         index = int(np.argmax(np.where(
             inside, (units.value - mean) ** 2 / (units.error ** 2 + variance + _TINY), -1.0)))

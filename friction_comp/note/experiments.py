@@ -36,11 +36,7 @@ MOTION_RANGE = math.radians(90.0)
 REPETITIONS = 10
 CONDITIONS = ('none', 'kinetic', 'paper', 'continuous', 'inertia')
 LAWS = ('paper', 'continuous')
-# A person's standard deviations of stiffness (relative), time of the begin, s, and speed
-# (relative).
-STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.05, 0.01, 0.02
-# Number of standstills, duration of each, s, and time in it at which a direction is announced, s.
-STANDSTILLS, STANDSTILL_TIME, ANNOUNCED = 360, 10.0, 0.5
+STANDSTILLS = 360
 # Relative error by which the law's breakaway currents are too large in standstills.
 BREAKAWAY_ERROR = 0.1
 
@@ -52,12 +48,13 @@ def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions:
     begin = movement.begins(0)
     rows: tuple[list[np.ndarray], ...] = ([], [], [])
     for _ in range(repetitions):
-        delay = DELAY_VARIATION * rng.standard_normal()
-        rate = 1.0 + SPEED_VARIATION * rng.standard_normal()
+        # A person begins 10 ms earlier or later, and is 2 % faster or slower and 5 % stiffer.
+        delay = 0.01 * rng.standard_normal()
+        rate = 1.0 + 0.02 * rng.standard_normal()
         position, velocity, _ = movement.at(begin + (time - begin - delay) * rate)
         for row, values in zip(rows, (position, velocity * rate, movement.at(time)[2])):
             row.append(values)
-    factors = np.exp(STIFFNESS_VARIATION * rng.standard_normal(repetitions))
+    factors = np.exp(0.05 * rng.standard_normal(repetitions))
     return tuple(np.array(row, dtype=float) for row in rows), factors
 
 
@@ -106,13 +103,13 @@ def with_breakaway_error(model: FrictionModel) -> FrictionModel:
 def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> np.ndarray:
     """Return how far an untouched joint moves in each of `STANDSTILLS`, rad; one hour in total.
 
-    Each has new breakaway levels and a direction announced, half of them d = 1; the law's breakaway
-    currents are too large by `BREAKAWAY_ERROR`.
+    Each takes 10 s, has new breakaway levels and a direction announced after 0.5 s, half of them
+    d = 1; the law's breakaway currents are too large by `BREAKAWAY_ERROR`.
     """
     model = with_breakaway_error(model)
-    count = round(STANDSTILL_TIME / SAMPLE_TIME)
+    count = round(10.0 / SAMPLE_TIME)
     still, direction = np.zeros((2, count)), np.zeros((2, count))
-    direction[:, round(ANNOUNCED / SAMPLE_TIME):] = [[1.0], [-1.0]]
+    direction[:, round(0.5 / SAMPLE_TIME):] = [[1.0], [-1.0]]
     _, extremes, _ = closed_loops(
         np.tile(joint_parameters(experiment.model()), STANDSTILLS),
         random_states((seed, 2), STANDSTILLS),

@@ -17,8 +17,6 @@ RAMP_PERIOD = 10.0
 FALSE_START = math.radians(1.0)
 """rad by which a joint has started by itself; sticking joints deflect by 0.01 to 0.02 degrees."""
 
-_FAST = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
-
 
 @dataclass(frozen=True)
 class Experiment:
@@ -41,7 +39,7 @@ class Experiment:
     @property
     def speeds(self) -> tuple[float, ...]:
         """Speeds of the look-up table in rad/s, each measured in both directions."""
-        return tuple(math.radians(speed) for speed in self.slow + _FAST)
+        return tuple(math.radians(speed) for speed in (*self.slow, 5.0, *range(10, 101, 10)))
 
     def model(self) -> FrictionModel:
         """Return the model of the simulated joint: the drive as the note describes it."""

@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.refinement import RefinementReport
 
-# The control loop has priority over refinement.
-_NICE = 10
-_KILL_TIMEOUT = 2.0
-
 
 @dataclass(frozen=True)
 class Refined:
@@ -72,7 +68,7 @@ class RefinementProcess:
     def cancel(self) -> None:
         """Stop the process, which leaves nothing half-written behind."""
         self._process.terminate()
-        self._process.join(_KILL_TIMEOUT)
+        self._process.join(2.0)
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
@@ -89,8 +85,9 @@ def _refine(pipe: Connection, given: Given, recording: Path, output: Path) -> No
     # The keyboard interrupts all processes of a terminal; the parent decides what becomes of this.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
+    # The control loop has priority.
     with suppress(OSError):
-        os.nice(_NICE)
+        os.nice(10)
     command = ['refine', str(recording), '--model', str(given.model), '--joint',
                str(given.joint), '--output', str(output)]
     try:

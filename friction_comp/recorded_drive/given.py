@@ -17,8 +17,6 @@ from friction_comp.tables.columns import Layout
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.samples import RecordingInfo, Samples
-# Length of the running median that removes single wrong samples of the current, s.
-_LASTING = 0.05
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,8 @@ def _largest_lasting_current(samples: Samples) -> float:
     import numpy as np
 
     size = np.abs(samples.current[np.isfinite(samples.current)])
-    half = max(round(0.5 * _LASTING / max(samples.sample_time, 1e-6)), 1)
+    # Over 0.05 s, which removes single wrong samples.
+    half = max(round(0.025 / max(samples.sample_time, 1e-6)), 1)
     if len(size) <= 2 * half:
         return float(np.median(size)) if size.size else 0.0
     windows = np.lib.stride_tricks.sliding_window_view(size, 2 * half + 1)[::max(half // 2, 1)]

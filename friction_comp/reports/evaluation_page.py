@@ -29,7 +29,7 @@ from friction_comp.reports.figures import (
 )
 from friction_comp.reports.html import Report, value, without_marks
 
-_MOST_PAIRS, _MOST_RECORDINGS = 6, 12
+_MOST_RECORDINGS = 12
 _SIGNS = {'positive': '+', 'negative': '−'}
 # Measures of a condition in the order of a table's columns, with short titles.
 _COLUMNS = {'peak_torque': 'peak (N·m)', 'rms_torque': 'RMS (N·m)', 'onset': 'delay (s)',
@@ -231,7 +231,7 @@ def _add(page: Report, evaluation: Evaluation) -> None:
 def _add_comparisons(page: Report, evaluation: Evaluation, peaks: Peaks | None) -> None:
     """Add a table for each pair of conditions."""
     shown = sorted(evaluation.comparisons, key=lambda c: list(FIGURES).index(c.figure))
-    for first, second in list(dict.fromkeys((c.first, c.second) for c in shown))[:_MOST_PAIRS]:
+    for first, second in list(dict.fromkeys((c.first, c.second) for c in shown))[:6]:
         own = [c for c in shown if (c.first, c.second) == (first, second)]
         tested = any(c.p_value is not None for c in own)
         rows = []

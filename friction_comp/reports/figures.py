@@ -38,9 +38,7 @@ direction, with another law or model; what is out."""
 INK = '#1a2b3d'
 WIDTH = 6.6
 """Width of every figure, inches."""
-# Inches around the panels, and between two that share their axis of x, or not.
-_LEFT, _RIGHT, _TOP, _BOTTOM, _SHARED, _APART = 0.8, 0.12, 0.34, 0.5, 0.16, 0.72
-_FEW_DOTS, _MOST_DOTS, _MOST_MARKERS = 200, 6000, 1500
+_MOST_DOTS = 6000
 
 _STYLE: dict[Any, Any] = {
     'axes.edgecolor': INK, 'axes.labelcolor': INK, 'axes.titlecolor': INK,
@@ -68,7 +66,7 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 @styled
 def panels(labels: Sequence[str], x: str | Sequence[str] = '', heights: float | Sequence[float] = 2,
-           left: float = _LEFT, legend_rows: int = 1) -> tuple[Figure, list[Axes]]:
+           left: float = 0.8, legend_rows: int = 1) -> tuple[Figure, list[Axes]]:
     """Create a figure with a panel for each label of an axis of y, one above the other.
 
     They share the axis of x if `x` is one label. `heights` are of the panels, inches, `left` the
@@ -76,16 +74,16 @@ def panels(labels: Sequence[str], x: str | Sequence[str] = '', heights: float | 
     """
     count, shared = len(labels), isinstance(x, str)
     sizes = [float(heights)] * count if isinstance(heights, (int, float)) else list(heights)
-    gap = _SHARED if shared else _APART
-    above = _TOP + 0.19 * (legend_rows - 1)
-    height = above + sum(sizes) + gap * (count - 1) + _BOTTOM
+    # Inches between panels, above and below them.
+    gap, above, below = 0.16 if shared else 0.72, 0.15 + 0.19 * legend_rows, 0.5
+    height = above + sum(sizes) + gap * (count - 1) + below
     # Places are known: Matplotlib's layout engine would take half of the time of a page.
     figure = Figure(figsize=(WIDTH, height))
     FigureCanvasAgg(figure)
     axes: list[Axes] = []
     top = height - above
     for k, (label, size) in enumerate(zip(labels, sizes)):
-        place = (left / WIDTH, (top - size) / height, 1.0 - (left + _RIGHT) / WIDTH, size / height)
+        place = (left / WIDTH, (top - size) / height, 1.0 - (left + 0.12) / WIDTH, size / height)
         panel = figure.add_axes(place, sharex=axes[0] if axes and shared else None)
         panel.set_ylabel(label)
         last = k == count - 1
@@ -107,7 +105,7 @@ def curve(axes: Axes, x: Any, y: Any, colour: str, label: str | None = None, sty
     Matplotlib leaves out points of lines that nobody could see; many markers are drawn as pixels.
     """
     axes.plot(x, y, style, color=COLOURS[colour], label=label,
-              rasterized=style in ('.', 'o') and len(x) > _MOST_MARKERS, **options)
+              rasterized=style in ('.', 'o') and len(x) > 1500, **options)
 
 
 def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = 'measured',
@@ -117,7 +115,7 @@ def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str = 'measured',
         chosen = np.sort(np.random.default_rng(0).choice(len(x), _MOST_DOTS, replace=False))
         x, y = x[chosen], y[chosen]
     # Below and wider than lines, so that one shows beside the other.
-    size, alpha = (4.5, 0.5) if len(x) > _FEW_DOTS else (9.0, 0.9)
+    size, alpha = (4.5, 0.5) if len(x) > 200 else (9.0, 0.9)
     curve(axes, x, y, colour, label, '.', markersize=size, alpha=alpha, markeredgewidth=0,
           zorder=1.5)
 

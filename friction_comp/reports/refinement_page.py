@@ -52,10 +52,8 @@ _CHOSEN = re.compile(r'.*?: columns guessed from their names: (.*) \(override.*\
 _SIGNALS = {'position': 'position (rad)', 'velocity': 'velocity (rad/s)',
             'acceleration': 'acceleration (rad/s²)', 'load': 'load (N·m)', 'time': 'time (s)',
             'temperature': 'motor temperature (°C)'}
-# Shortest and longest excerpt over time, s, and the number of reversals that it should contain.
-_SHORTEST, _LONGEST, _REVERSALS = 4.0, 60.0, 8
-# Number of ranges of a variable in which errors are averaged, and the fewest rows of one.
-_RANGES, _FEWEST = 40, 5
+# Number of ranges of a variable in which errors are averaged.
+_RANGES = 40
 
 
 class Row(NamedTuple):
@@ -394,14 +392,14 @@ def _time_figure(result: RefineResult, quantity_: str) -> Figure:
 
 
 def _excerpt(result: RefineResult) -> slice:
-    """Return a stretch with a few reversals from the middle of the recording."""
+    """Return a stretch with eight reversals, 4 to 60 s, from the middle of the recording."""
     samples: Any = result.samples
     part = max(samples.segments(20.0), key=lambda segment: segment.stop - segment.start)
     time = samples.time[part]
     duration = max(float(np.ptp(time)), 1e-9)
     signs = np.sign(samples.velocity[part][result.usable[part]])
     reversals = max(int(np.count_nonzero(np.diff(signs))), 1)
-    length = float(np.clip(_REVERSALS * duration / reversals, _SHORTEST, _LONGEST))
+    length = float(np.clip(8 * duration / reversals, 4.0, 60.0))
     begin, end = np.searchsorted(time, time[0] + 0.5 * (
         duration + np.array([-1.0, 1.0]) * min(length, duration)))
     return slice(part.start + int(begin), part.start + int(end))
@@ -461,5 +459,5 @@ def averages(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the middle of ranges of x, and the mean of y in each, NaN where it has too few."""
     count, edges = np.histogram(x, _RANGES)
     total, _ = np.histogram(x, _RANGES, weights=y)
-    means = np.divide(total, count, out=np.full(_RANGES, np.nan), where=count >= _FEWEST)
+    means = np.divide(total, count, out=np.full(_RANGES, np.nan), where=count >= 5)
     return 0.5 * (edges[1:] + edges[:-1]), means

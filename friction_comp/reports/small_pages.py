@@ -19,8 +19,6 @@ from friction_comp.reports.html import Report, value
 from friction_comp.reports.refinement_page import add_steps, NAMES, number_rows, number_texts, Row
 from friction_comp.samples import Samples
 
-_RATE = 50.0  # of the drawn curves, Hz
-
 
 def excitation_page(plans: Sequence[JointPlan], staircases: Sequence[Mapping[Pair, float]]
                     ) -> Report:
@@ -52,7 +50,7 @@ def _pair_text(pair: Pair) -> str:
 
 @styled
 def _plan_figure(plan: JointPlan) -> Figure:
-    motion, limits = plan.samples(_RATE), plan.limits
+    motion, limits = plan.samples(50.0), plan.limits
     figure, (place, speed, both) = panels(
         ['position (rad)', 'velocity (rad/s)', 'velocity (rad/s)'],
         ['', 'time (s)', 'position (rad)'], (1.3, 1.3, 1.8))

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from friction_comp.model.friction_numbers import SimulatorJoint
 
 _FORMS = ('mujoco', 'urdf', 'sdf', 'csv', 'tanh', 'isaac', 'json')
-# Share of the torque below which what is missed is a rounding error.
-_NOTHING = 1e-6
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -124,7 +122,8 @@ def _percent(share: float) -> str:
 
 
 def _missed(torque: float, share: float, joint: SimulatorJoint) -> str:
-    if share < _NOTHING:
+    # Less is a rounding error.
+    if share < 1e-6:
         return f'This form misses nothing of the model without the links, in {joint.motion}'
     return (f'This form misses the model by {torque:.3g} {joint.unit} RMS, '
             f'{_percent(share)} of its torque without the links, in {joint.motion}')

@@ -13,9 +13,6 @@ from pathlib import Path
 from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments
 
-# s within which the other side must respond.
-_PATIENCE = 20.0
-
 
 def main(argv: list[str] | None = None) -> int:
     """Play the trajectory; returns 0."""
@@ -35,7 +32,7 @@ def main(argv: list[str] | None = None) -> int:
         trajectory = trajectory.of(arguments.joint)
     from friction_comp.ros.tool_client import ToolClient
 
-    with ToolClient(patience=_PATIENCE) as ros, progress('playing') as show:
+    with ToolClient(patience=20.0) as ros, progress('playing') as show:
         if arguments.controller:
             ros.play_on(arguments.controller, trajectory,
                         lambda share, phase: show(share, f'playing: {phase}'))

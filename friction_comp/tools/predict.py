@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.model.measured import Recorded
     from friction_comp.samples import RecordingInfo, Samples
-# Share of its top speed below which a plan stands still.
-_STILL = 0.05
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -161,9 +159,10 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
             current, moved = _current(told, plan[name if name in plan else ''])
         unit, speed = model.unit, np.abs(np.asarray(moved.velocity))
         if model.recorded is not None:
+            # Below 5 % of its top speed, a plan stands still.
             beyond += [(f'{name}: ' if len(models) > 1 else '') + in_own_units(
                 note, model.is_linear) for note in model.recorded.beyond(
-                    moved.take(speed > _STILL * speed.max()), told.effects, model.is_linear)]
+                    moved.take(speed > 0.05 * speed.max()), told.effects, model.is_linear)]
         gain = model.torque_per(unit)
         if gain is not None:
             columns[f'{prefix}torque'], units['torque'] = gain * current, in_own_units(

@@ -30,8 +30,6 @@ from friction_comp.results import to_json
 from friction_comp.terminal import progress
 from friction_comp.tools.common import folder_names, given_of, layout_of, write_results
 
-# Recordings from which processes save more time than their start takes, some seconds each.
-MIN_SHARED = 8
 # Most recordings that get a page each: nobody reads a hundred; refine makes that of any one.
 MOST_PAGES = 20
 # Share of the progress bar for refining; the rest is comparing.
@@ -112,8 +110,8 @@ def _runner(arguments: Namespace, count: int) -> Iterator[Runner]:
         with runner_on_cluster(arguments.scheduler) as run:
             yield run
     else:
-        yield partial(run_each, jobs=arguments.jobs or (
-            os.cpu_count() or 1 if count >= MIN_SHARED else 1))
+        # From eight on, processes save more time than their start takes, some seconds each.
+        yield partial(run_each, jobs=arguments.jobs or (os.cpu_count() or 1 if count >= 8 else 1))
 
 
 def _items(pieces: Sequence[Piece]) -> list[_Item]:
