@@ -129,7 +129,7 @@ def hour(folder, seconds, joints):
     write_movements(folder / 'hour', seconds, joints)
     begin = time.monotonic()
     process = subprocess.Popen(
-        [*TOOL, 'evaluate', folder / 'hour', '--output', folder / 'out', '--jobs', '1'],
+        [*TOOL, 'evaluate', folder / 'hour', '--output', folder / 'out'],
         env=environment(OMP_NUM_THREADS='1', OPENBLAS_NUM_THREADS='1'), stdout=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
     assert status == 0
