@@ -3,35 +3,54 @@
 """Fits an arm's links to recordings, with friction, rotor inertia and effects of every joint.
 
 The measured current of joint j is modelled as
-``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a + …``, where … are the effects that
-`friction_comp.arm.beside` finds. The torque τ of the rigid bodies is linear in the links' inertial
-parameters π (Atkeson, An and Hollerbach 1986). The current per torque k_j is fitted too, since an
-arm's drive constants are seldom known. All joints share one π: the wrist's motion, for instance,
-also shows a weight that the shoulder carries. Parameters that the motion does not determine keep
-the URDF's values, and every π is physically possible.
+``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a + …``. The torque τ of the rigid bodies is
+linear in the links' inertial parameters π (Atkeson, An and Hollerbach 1986). The current per torque
+k_j is fitted too, since an arm's drive constants are seldom known. All joints share one π: the
+wrist's motion, for instance, also shows a weight that the shoulder carries. Parameters that the
+motion does not determine keep the URDF's values, and every π is physically possible.
 
-The fit needs only sums of products of these columns over stretches of the recordings. All settings
-(filter, mounting, regularisation) are chosen by the error on stretches that were left out.
+What acts on single joints beside the links, the … above, is found in the same fit. A spring, a
+ripple or friction that grows with the load is not what the links leave over: a wrong mass explains
+much of it. So each of these effects is a set of columns beside those of the links, and is added
+where the error of stretches that were not fitted becomes clearly smaller. The links are linearised
+about the latest fit; what the URDF says of them is part of the sums of every stretch.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+import functools
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from friction_comp.arm import solver
-from friction_comp.arm.beside import Beside, columns_of, JointTerm, signs_at
-from friction_comp.arm.solver import Bodies, LinkIntervals, Prior, Sums
+from friction_comp.arm.solver import (
+    ArmRows,
+    Bodies,
+    FRICTION,
+    FRICTION_SIGNS,
+    linearised,
+    LinkIntervals,
+    Prior,
+    Sums,
+)
 from friction_comp.arm.urdf import Chain
 from friction_comp.errors import InputError
-from friction_comp.model.arm import FREE_FALL, moving_states, PARAMETERS, Tree
+from friction_comp.model.arm import FREE_FALL, friction_groups, moving_states, PARAMETERS, Tree
+from friction_comp.model.effects import Coverage, EFFECTS, ResidualView
 from friction_comp.parallel import one_thread
-from friction_comp.refinement.prepare import candidate_settings
+from friction_comp.refinement import search, thresholds
+from friction_comp.refinement.block_sums import BlockSums
+from friction_comp.refinement.effect_columns import signs_of, Term
+from friction_comp.refinement.prepare import (
+    candidate_settings,
+    coverage_of,
+    standstill_speed,
+    TRANSITIONS,
+)
 from friction_comp.samples import Samples
 
 FEWEST = 200  # samples
@@ -44,7 +63,6 @@ _EQUAL_ERRORS = 0.01
 # Share by which another direction of gravity than the URDF's, or other scales than those assumed,
 # must lower the errors.
 _CLEARLY_BETTER = 0.15
-_MOST_DIRECTIONS = 3
 # Least share of a joint's current that friction must explain for its sign to be judged.
 _LEAST_FRICTION = 0.1
 _ROUNDS = 3  # of reweighting
@@ -54,6 +72,252 @@ _BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
 # drives of one arm differ. If declared, the links are fitted with the declared values; their errors
 # appear in the joint's own refinement, where the rigid bodies' torque has a free coefficient.
 _UNKNOWN_WIDTH, _DECLARED_WIDTH = 1.0, 1e-3
+# Steps by which constants are changed, see `search.step_size`: a parabola gives the best.
+_STEPS = (0.5, 0.1)
+# Share of both gains that is enough for an effect to stay in a fit.
+_STAYS = 0.5
+
+
+@dataclass(frozen=True)
+class JointTerm(Term):
+    """An effect of one joint."""
+
+    joint: int = 0
+
+    @property
+    def choice(self) -> tuple[Any, ...]:
+        """What it is, and at which joint."""
+        return self.joint, *super().choice
+
+
+Terms = Sequence[JointTerm]
+
+
+def columns_of(rows: ArmRows, tree: Tree, terms: Terms
+               ) -> tuple[list[np.ndarray], dict[JointTerm, list[int]]]:
+    """Return the columns of terms for each joint, (N, M), and the indices of each term's columns.
+
+    Load is the torque of the links of `tree`.
+    """
+    torques = tree.torques(*rows.motion)
+    parts: list[list[np.ndarray]] = [[np.empty((len(torques), 0))] for _ in rows.samples]
+    indices = {}
+    for term in terms:
+        columns = (term.group.columns(tree.joints, *rows.motion) if term.group else
+                   term.kind.matrix(rows.samples[term.joint].with_(
+                       rigid_body=torques[:, term.joint]), term.constants))
+        first = sum(part.shape[1] for part in parts[term.joint])
+        indices[term] = list(range(first, first + columns.shape[1]))
+        parts[term.joint].append(columns)
+    return [np.hstack(own) for own in parts], indices
+
+
+def signs_at(indices: dict[JointTerm, list[int]], joints: int) -> np.ndarray:
+    """Return the required signs of each joint's friction and terms, (J, F); see `Prior.signs`."""
+    rows = [list(FRICTION_SIGNS) for _ in range(joints)]
+    for term, columns in indices.items():
+        rows[term.joint] += signs_of(term, len(columns))
+    longest = max(map(len, rows))
+    return np.array([row + [0] * (longest - len(row)) for row in rows])
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """The sums of links, all joints' friction and some terms over cells: a joint in a stretch."""
+
+    sums: BlockSums     # of derivatives by the unknowns of `Prior`, as differences from their means
+    always: list[int]   # columns of links and friction
+    columns: dict[JointTerm, list[int]]
+    local: dict[JointTerm, list[int]]   # the same among the columns of its joint
+    stretch: np.ndarray     # of each cell; joints follow each other in each
+    combine: np.ndarray     # see `solver.linearised`
+    products: np.ndarray    # of each joint's own columns, as of `solver.Sums.total`
+    rows: np.ndarray        # (N, J, P): the columns themselves
+
+    def chosen(self, terms: Terms) -> list[int]:
+        """Return the columns of a fit of links, friction and some terms."""
+        return [*self.always, *(column for term in terms for column in self.columns[term])]
+
+    def errors(self, terms: Terms) -> np.ndarray:
+        """Return the squared errors of held-out stretches of each joint, (S, J)."""
+        return self.sums.held_out_errors(self.chosen(terms), self.stretch).reshape(
+            int(self.stretch.max()) + 1, -1)
+
+    def residual(self, terms: Terms) -> np.ndarray:
+        """Return the residual of a fit of terms, A, (N, J)."""
+        chosen = self.chosen(terms)
+        combination = (self.combine[:, :, -1]
+                       - self.combine[:, :, chosen] @ self.sums.fit(chosen))
+        return np.einsum('njp,jp->nj', self.rows, combination)
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A search among the effects of position and of load at all joints, from the latest fit.
+
+    `x` are the unknowns of that fit with any terms, `variance` the unit of each joint's error.
+    """
+
+    rows: ArmRows
+    tree: Tree
+    prior: Prior
+    x: np.ndarray
+    variance: np.ndarray
+
+    def search(self, terms: Terms) -> list[JointTerm]:
+        """Return the terms to which steps lead: adding one while one helps, and removing others.
+
+        The constants of the terms given are adjusted first: other links than those before may ask
+        for other ones.
+        """
+        chosen = self._adjusted(terms) if terms else []
+        while True:
+            offered = self._offered(chosen)
+            sums = self._sums([*chosen, *offered])
+            before = sums.errors(chosen)
+            trials = [(sums.errors([*chosen, term]), term) for term in offered]
+            trials.sort(key=lambda trial: float(trial[0].sum()))
+            best = next((term for after, term in trials if _improves(before, after)), None)
+            if best is None:
+                return self._needed(chosen)
+            grown = self._needed(self._adjusted([*chosen, best]))
+            if not self._sums(grown).errors(grown).sum() < before.sum():
+                return chosen
+            chosen = grown
+
+    def _needed(self, terms: Terms) -> list[JointTerm]:
+        """Return the terms without those that are no improvement, the least useful first."""
+        kept, sums = list(terms), self._sums(terms)
+        while True:
+            full = sums.errors(kept)
+            without = [(sums.errors([other for other in kept if other != term]), term)
+                       for term in kept]
+            useless = [(float(errors.sum()), term) for errors, term in without
+                       if not _improves(errors, full, 1.0 if term.group else _STAYS)]
+            if not useless:
+                return kept
+            kept.remove(min(useless, key=lambda trial: trial[0])[1])
+
+    def _sums(self, terms: Terms) -> _Sums:
+        beside, indices = columns_of(self.rows, self.tree, list(dict.fromkeys(terms)))
+        measured, joints = self.rows.sums(beside), len(self.rows.samples)
+        weights = measured.variance / self.variance
+        own = measured.sums * weights[:, None, None]
+        # The unknowns are those of links and scales, and then of each joint's friction and terms.
+        base = self.prior.scales.stop
+        prior = replace(self.prior, signs=signs_at(indices, joints))
+        # The current is linear in the coefficients: at any values its derivatives are the same.
+        x = np.concatenate((self.x[:base], np.zeros(prior.signs.size)))
+        first = base + prior.signs.shape[1] * np.arange(joints)
+        combine = linearised(prior, x)
+        combine[:, :, -1] += combine[:, :, :-1] @ (x - prior.mean)
+        gram = combine.transpose(0, 2, 1) @ own @ combine
+        stretch = np.repeat(np.arange(len(own)), joints)
+        diagonal = np.arange(x.size)
+        gram[:, :, diagonal, diagonal] += prior.precision / len(stretch)
+        return _Sums(
+            BlockSums(gram.reshape(-1, *gram.shape[2:]), np.ones(len(stretch)),
+                      np.concatenate((np.zeros(base, dtype=int), prior.signs.ravel()))),
+            [*range(base), *(first[:, None] + np.arange(FRICTION)).ravel().tolist()],
+            {term: [int(first[term.joint]) + FRICTION + k for k in columns]
+             for term, columns in indices.items()},
+            {term: [PARAMETERS * joints + FRICTION + k for k in columns]
+             for term, columns in indices.items()},
+            stretch, combine, own.sum(axis=0), self.rows.columns(beside))
+
+    def _offered(self, terms: Terms) -> list[JointTerm]:
+        """Return the proposed terms: of each choice, the one that lowers the error most."""
+        residual = self._sums(terms).residual(terms)
+        taken = {term.choice for term in terms if term.kind.max_count == 1 or term.group}
+        proposed = [term for joint in self._moved for term in self._proposals(joint, residual)
+                    if term not in terms and term.choice not in taken]
+        sums, best = self._sums([*terms, *proposed]), dict[Any, JointTerm]()
+        for joint, products in enumerate(sums.products):
+            own = [term for term in proposed if term.joint == joint]
+            chosen = [*range(PARAMETERS * len(self.rows.samples) + FRICTION), *(
+                column for term in terms if term.joint == joint for column in sums.local[term])]
+            reductions = search.error_reductions(
+                products, chosen, [sums.local[term] for term in own], np.zeros(len(products) - 1))
+            for index in np.argsort(-reductions, kind='stable'):
+                best.setdefault(own[index].choice, own[index])
+        return list(best.values())
+
+    @functools.cached_property
+    def _moved(self) -> dict[int, tuple[Samples, Coverage]]:
+        """Samples and what they cover of each joint that moves."""
+        torques, found = self.tree.torques(*self.rows.motion), {}
+        for joint in np.flatnonzero(self.rows.moves & self.rows.fitted.any(axis=0)).tolist():
+            samples = self.rows.samples[joint].with_(rigid_body=torques[:, joint])
+            found[joint] = samples, coverage_of(
+                samples, self.rows.fitted[:, joint], standstill_speed(samples), samples)
+        return found
+
+    def _proposals(self, joint: int, residual: np.ndarray) -> list[JointTerm]:
+        """Return a joint's effects of position and load, and friction shared with its neighbours.
+
+        Constants are those that the residual of all joints, A, (N, J), suggests.
+        """
+        (samples, coverage), fitted = self._moved[joint], self.rows.fitted[:, joint]
+        part = samples.take(fitted)
+        velocity = np.asarray(part.velocity)
+        view = ResidualView(
+            coverage, part.position, velocity, np.tanh(velocity / coverage.transition),
+            residual[fitted, joint], samples.sample_time, [])
+        terms = [
+            JointTerm(kind, constants, None, joint) for kind in EFFECTS.values()
+            if kind.variable in ('position', 'load') and not kind.uses_inner_load
+            # The columns of the links hold all weight.
+            and not kind.weight and kind.can_show(coverage)
+            and all((signal := getattr(samples, name)) is not None and np.isfinite(signal).all()
+                    for name in kind.needs)
+            for constants in kind.propose(view)]
+        moving = {self.tree.joints[other] for other in self._moved}
+        return terms + [
+            JointTerm(EFFECTS['other_joints'], {}, group, joint) for group in friction_groups(
+                self.tree.joints, samples.joint,
+                [share * coverage.speed for share in TRANSITIONS]) if group.all_joints <= moving]
+
+    def _adjusted(self, terms: Terms) -> list[JointTerm]:
+        """Return terms with each constant where a parabola through three values has its least."""
+        chosen = list(terms)
+        for size in _STEPS:
+            free = search.free_constants(chosen)
+            sides = [[self._moved_term(chosen, index, name, step) for step in (-size, size)]
+                     for index, name in free]
+            sums = self._sums([*chosen, *(term for pair in sides for one in pair for term in one)])
+            middle, changed = sums.errors(chosen).sum(), list(chosen)
+            for (index, name), pair in zip(free, sides):
+                low, high = (sums.errors(one).sum() for one in pair)
+                bend = low + high - 2.0 * middle
+                step = 0.5 * (low - high) / bend if bend > 0.0 else 2.0 * np.sign(low - high)
+                changed[index] = self._moved_term(
+                    chosen, index, name, float(np.clip(step, -2.0, 2.0)) * size)[index]
+            if self._sums(changed).errors(changed).sum() < middle:
+                chosen = changed
+        return chosen
+
+    def _moved_term(self, terms: Terms, index: int, name: str, step: float) -> list[JointTerm]:
+        """Return terms with a constant of one changed by some steps."""
+        changed, term = list(terms), terms[index]
+        moved = search.with_step(term, name, step, self._moved[term.joint][1])
+        changed[index] = JointTerm(moved.kind, moved.constants, moved.group, term.joint)
+        return changed
+
+
+def _improves(before: np.ndarray, after: np.ndarray, share: float = 1.0) -> bool:
+    """Return whether errors, (S, J), decrease: that of a joint by more than chance, and their sum.
+
+    A joint's error says nothing of the others', but the links that are fitted to it are also
+    theirs. `share` is that of the thresholds of every search.
+    """
+    if not after.sum() < before.sum():
+        return False
+    gain = before - after
+    # Relative to the error of each stretch, so that one with large errors cannot decide.
+    ratio = gain / np.maximum(before + after, 1e-300)
+    scatter = ratio.std(axis=0, ddof=1) / math.sqrt(len(ratio))
+    return bool(np.any((gain.sum(axis=0) > share * thresholds.LEAST_SHARE * before.sum(axis=0))
+                       & (ratio.mean(axis=0) > share * thresholds.STANDARD_ERRORS * scatter)))
 
 
 @dataclass(frozen=True)
@@ -131,7 +395,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         if free.trial(best.settings, best.terms, best.tree).error < best.error - _CLEARLY_BETTER:
             problem = free
             best = free.best(lambda share: report(0.4 + 0.1 * share))
-    problem, best = _with_gravity_direction(problem, best)
+    problem, best = _mounted(problem, best)
     report(0.7)
     sums, x = best.sums, best.x
     prior, errors = _choose_strength(sums, best.prior, x)
@@ -152,7 +416,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     tree, scales = problem.arm_of(x)
     return ArmFit(
         tree=tree, start=chain.tree, scales=scales,
-        friction=prior.friction(x)[:, :solver.FRICTION], differentiation=best.settings,
+        friction=prior.friction(x)[:, :FRICTION], differentiation=best.settings,
         strength=prior.strength, held_out=errors, without=without,
         identifiable=identifiable(whole.total[:, :links, :links].sum(axis=0)),
         held_out_stretches=held_out_stretches,
@@ -185,9 +449,12 @@ class _Problem:
         return (replace(self.chain.tree, parameters=self.bodies.parameters(x[:links])[0]),
                 np.exp(x[links:links + count]))
 
-    def prepared(self, settings: dict[str, Any], terms: list[JointTerm] | None = None,
-                 tree: Tree | None = None) -> _Trial:
-        """Return what a fit needs; its error is infinite if the URDF's torques have wrong signs."""
+    def trial(self, settings: dict[str, Any], terms: list[JointTerm] | None = None,
+              tree: Tree | None = None, start: np.ndarray | None = None) -> _Trial:
+        """Return a fit with its held-out error; `start` is one with the same terms.
+
+        The error is infinite if the URDF's torques have wrong signs.
+        """
         tree, terms = tree or self.chain.tree, terms or []
         rows = solver.rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
         columns, indices = columns_of(rows, tree, terms)
@@ -198,27 +465,11 @@ class _Problem:
             self.bodies, _FIRST_STRENGTH, np.log(scale if self.declared is None else self.declared),
             _UNKNOWN_WIDTH if self.declared is None else _DECLARED_WIDTH,
             signs_at(indices, len(self.joints)))
-        error = math.inf if typical is None else 0.0
-        return _Trial(error, settings, terms, sums, prior, prior.mean, tree)
-
-    def trial(self, settings: dict[str, Any], terms: list[JointTerm] | None = None,
-              tree: Tree | None = None, start: np.ndarray | None = None) -> _Trial:
-        """Return a fit with its held-out error; `start` is one with the same terms."""
-        trial = self.prepared(settings, terms, tree)
-        if trial.error == math.inf:
-            return trial
-        sums, x = _reweighted_fit(trial.sums, trial.prior, trial.x if start is None else start)
-        error = float(np.mean(np.log(_held_out(sums, trial.prior, x))))
-        return trial._replace(error=error, sums=sums, x=x)
-
-    def first_error(self, settings: dict[str, Any]) -> float:
-        """Return the mean logarithm of the joints' errors of a fit to all, without weights."""
-        trial = self.prepared(settings)
-        if trial.error == math.inf:
-            return math.inf
-        total, prior = trial.sums.total, trial.prior
-        errors = solver.squared_errors(total, prior, solver.solve(total, prior, trial.x))
-        return 0.5 * float(np.mean(np.log(errors + 1e-24)))
+        if typical is None:
+            return _Trial(math.inf, settings, terms, sums, prior, prior.mean, tree)
+        sums, x = _reweighted_fit(sums, prior, prior.mean if start is None else start)
+        error = float(np.mean(np.log(_held_out(sums, prior, x))))
+        return _Trial(error, settings, terms, sums, prior, x, tree)
 
     def best(self, report: Callable[[float], None] = lambda share: None) -> _Trial:
         """Return the fit with the best settings; effects are searched before and after."""
@@ -245,28 +496,18 @@ class _Problem:
         return trial
 
 
-def _with_gravity_direction(problem: _Problem, best: _Trial) -> tuple[_Problem, _Trial]:
-    """Return the arm with the direction of gravity that fits the recording best, and its trial.
-
-    An arm may be mounted on a wall or a ceiling, which its URDF does not say.
-    """
+def _mounted(problem: _Problem, best: _Trial) -> tuple[_Problem, _Trial]:
+    """Return the arm as it is mounted, with its trial: a URDF does not know of wall and ceiling."""
     settings = best.settings if best.error < math.inf else _settings(problem.joints)[-1]
-    turned = []
-    for direction in product((-1.0, 0.0, 1.0), repeat=3):
-        length = np.linalg.norm(direction)
-        if 0.0 < length < 1.5:
-            turned.append(replace(problem, chain=problem.chain.with_gravity(
-                np.array(direction) * np.linalg.norm(FREE_FALL) / length)))
-    # The problems have the same columns: try only those with the least errors of a first fit.
-    turned.sort(key=lambda one: one.first_error(settings))
-    trials = [(one.trial(settings), one) for one in turned[:_MOST_DIRECTIONS]]
-    other, mounted = min(trials, key=lambda trial: trial[0].error)
+    turned = [replace(problem, chain=problem.chain.with_gravity(way * np.linalg.norm(FREE_FALL)))
+              for way in (*np.eye(3), *-np.eye(3))]
+    other, mounted = min(((one.trial(settings), one) for one in turned),
+                         key=lambda trial: trial[0].error)
     if other.error == math.inf:
         raise InputError('the currents contradict the torques of the URDF at every joint: it is '
                          'the URDF of another robot')
-    if other.error >= best.error - _CLEARLY_BETTER:
-        return problem, best
-    return mounted, mounted.best()
+    clearly = other.error < best.error - _CLEARLY_BETTER
+    return (mounted, mounted.best()) if clearly else (problem, best)
 
 
 def identifiable(products: np.ndarray) -> int:

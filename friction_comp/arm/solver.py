@@ -159,41 +159,24 @@ class ArmRows:
     def _variance(self) -> np.ndarray:
         return np.maximum(np.var(self._own[:, :, -1], axis=0), 1e-12)
 
-    @functools.cached_property
-    def _own_sums(self) -> np.ndarray:
-        return self._products(self._own, self._own)
-
-    def _products(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """Return the sums of products of columns, (S, J, L, R), in units of the variance."""
-        weighted = left * (self.fitted / self._variance)[:, :, None]
-        stretches = [self.stretch == index for index in range(int(self.stretch.max()) + 1)]
-        return np.array([weighted[part].transpose(1, 2, 0) @ right[part].transpose(1, 0, 2)
-                         for part in stretches])
-
-    def _beside(self, others: Sequence[np.ndarray]) -> np.ndarray:
-        beside = np.zeros((*self.fitted.shape, max(part.shape[1] for part in others)))
-        for joint, part in enumerate(others):
-            beside[:, joint, :part.shape[1]] = part
-        return beside
-
     def columns(self, others: Sequence[np.ndarray]) -> np.ndarray:
         """Return all columns of each joint, shape (N, J, 10·J + F + 1); see `Sums`.
 
         `others` are those of each joint beside links, friction and rotor, (N, M), with any M.
         """
-        own = self._own
-        return np.concatenate((own[:, :, :-1], self._beside(others), own[:, :, -1:]), axis=2)
+        beside = np.zeros((*self.fitted.shape, max(part.shape[1] for part in others)))
+        for joint, part in enumerate(others):
+            beside[:, joint, :part.shape[1]] = part
+        return np.concatenate((self._own[:, :, :-1], beside, self._own[:, :, -1:]), axis=2)
 
     def sums(self, others: Sequence[np.ndarray]) -> Sums:
         """Return the sums of products of `columns(others)`."""
-        # Most columns are the same each time; their products are computed once.
-        own, beside = self._own_sums, self._beside(others)
-        across = self._products(beside, self._own)
-        whole = np.block([[own, across.swapaxes(2, 3)], [across, self._products(beside, beside)]])
-        last = own.shape[2] - 1
-        order = [*range(last), *range(last + 1, whole.shape[2]), last]
-        return Sums(whole[:, :, order][:, :, :, order], self._variance,
-                    self.fitted.sum(axis=0).astype(float))
+        columns = self.columns(others)
+        weighted = columns * (self.fitted / self._variance)[:, :, None]
+        stretches = [self.stretch == index for index in range(int(self.stretch.max()) + 1)]
+        return Sums(np.array([
+            weighted[part].transpose(1, 2, 0) @ columns[part].transpose(1, 0, 2)
+            for part in stretches]), self._variance, self.fitted.sum(axis=0).astype(float))
 
 
 def top_speeds(velocity: np.ndarray) -> np.ndarray:

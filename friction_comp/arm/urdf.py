@@ -24,7 +24,7 @@ from friction_comp.model.arm import FREE_FALL, Tree
 
 # Words that drivers and robot descriptions add to joint names.
 _GENERIC_WORDS = ('joint', 'axis')
-# kg, and kg·m², beyond any link of an arm; and the share of an inertia that is rounding.
+# kg, kg·m and kg·m² beyond any link of an arm; and the share of an inertia that is rounding.
 _MOST, _ROUNDING = 1e6, 1e-6
 
 
@@ -119,9 +119,11 @@ def _read(library: Any, path: str | Path) -> Any:
         raise InputError(f'{path}: not a URDF file: it has no <robot>')
     if re.search(r'<xacro:(?!property\b)', text):
         raise InputError(f'{path}: a xacro file: convert it to URDF first (ros2 run xacro xacro)')
-    for link in root.iter('link'):
-        if fault := _fault_of_inertia(link):
-            raise InputError(f'{path}: link {link.get("name")!r}: {fault}')
+    # Pinocchio takes what is no number for nothing.
+    for element in (*root.iter('mass'), *root.iter('inertia')):
+        for name, value in element.attrib.items():
+            if not _is_possible(value):
+                raise InputError(f'{path}: {element.tag} {name} of {value}')
     try:
         with _silent():
             model = library.buildModelFromXML(text)
@@ -132,32 +134,19 @@ def _read(library: Any, path: str | Path) -> Any:
     model.gravity.linear = np.array(FREE_FALL)
     if model.njoints < 2:
         raise InputError(f'{path}: the URDF has no joint that moves')
+    for name, inertia in zip(model.names, model.inertias):
+        moments = np.linalg.eigvalsh(inertia.inertia)
+        if inertia.mass < 0.0 or moments[0] < -_ROUNDING * np.abs(moments).max():
+            raise InputError(f'{path}: what joint {name!r} carries has a negative mass, '
+                             f'{inertia.mass:.3g} kg, or an inertia that is negative about an axis')
     return model
 
 
-def _fault_of_inertia(link: Any) -> str:
-    """Return what is wrong with the mass or inertia of a link's element, '' if nothing is."""
-    def value(where: str, name: str) -> float:
-        element = link.find(f'inertial/{where}')
-        text = '0' if element is None else element.get(name, '0')
-        try:
-            number = float(text)
-        except ValueError:
-            number = np.nan
-        if not abs(number) <= _MOST:
-            raise InputError(f'{where} {name} of {text}')
-        return number
+def _is_possible(text: str) -> bool:
     try:
-        mass = value('mass', 'value')
-        xx, xy, xz, yy, yz, zz = (
-            value('inertia', f'i{axes}') for axes in ('xx', 'xy', 'xz', 'yy', 'yz', 'zz'))
-    except InputError as error:
-        return str(error)
-    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if mass < 0.0:
-        return f'a mass of {mass:g} kg'
-    return 'an inertia that is negative about an axis' * bool(
-        moments[0] < -_ROUNDING * np.abs(moments).max())
+        return abs(float(text)) <= _MOST
+    except ValueError:
+        return False
 
 
 @contextmanager
