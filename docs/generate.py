@@ -105,8 +105,7 @@ def fields(kind: type) -> list[list[str]]:
 
 def report_fields() -> str:
     """Return the entries of report.json of `refine` and `evaluate`."""
-    from friction_comp.evaluation.compare import Comparison
-    from friction_comp.evaluation.conditions import Condition, Evaluation
+    from friction_comp.evaluation.conditions import Comparison, Condition, Evaluation
     from friction_comp.model.friction_numbers import FrictionNumbers
     from friction_comp.refinement import result as refined
 

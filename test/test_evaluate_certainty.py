@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from friction_comp.evaluation.compare import compare, mean_interval
-from friction_comp.evaluation.conditions import MeasuredJoint
+from friction_comp.evaluation.conditions import compare, mean_interval, MeasuredJoint
 from friction_comp.evaluation.repetitions import Compensation, Movement, Repetition
 from friction_comp.reports.evaluation_page import verdict
 

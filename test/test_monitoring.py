@@ -64,7 +64,7 @@ def test_what_a_person_carries_counts_as_friction_where_the_load_is_measured():
     assert verdict.level == pytest.approx(0.5, abs=0.1)
 
 
-def loaded(load=2.0, friction=1.0, carried=0.0, offset=0.0, whole=1.0, one_way=False):
+def loaded(load=2.0, friction=1.0, carried=0.0, offset=0.0, one_way=False):
     """Measurements of a joint whose weight is several times its friction, changed in some way.
 
     `load` is that of its model, whose friction is about 0.25 A, and `carried` a weight more, A.
@@ -73,7 +73,7 @@ def loaded(load=2.0, friction=1.0, carried=0.0, offset=0.0, whole=1.0, one_way=F
     q = np.abs(0.4 * t) if one_way else 0.8 * np.sin(0.9 * t) + 0.15 * np.sin(0.37 * t)
     v = np.gradient(q, t)
     weight = load * np.cos(q) + carried * np.sin(q)
-    current = whole * (friction * MODEL.sigmoid(v) + weight + offset)
+    current = friction * MODEL.sigmoid(v) + weight + offset
     nothing = np.full(len(t), np.nan)
     return np.column_stack((t, q, v, current, nothing, nothing))
 
@@ -87,8 +87,6 @@ LOADED = replace(MODEL, effects=[EFFECTS['gravity']({'coefficients': [2.0, 0.0]}
     ({'friction': 0.6}, -0.4, 'the friction is 40 % lower'),
     ({'carried': 0.3}, 0.0, 'which varies with position: a weight'),
     ({'offset': 0.2}, 0.0, 'the same everywhere: an offset'),
-    ({'whole': 1.3}, 0.0, 'the whole current is 30 % higher'),
-    ({'whole': 0.7}, 0.0, 'the whole current is 30 % lower'),
     ({'friction': 1.5, 'one_way': True}, 0.5, 'the friction, or an offset, is 5')])
 def test_on_a_joint_that_carries_a_weight_the_error_is_compared_with_friction(change, level, words):
     *_, (_, verdict) = watched(loaded(**change), model=LOADED)

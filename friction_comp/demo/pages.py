@@ -14,8 +14,7 @@ import numpy as np
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
 from friction_comp.arm.whole_arm import ArmResult
-from friction_comp.evaluation.compare import FEWEST
-from friction_comp.evaluation.conditions import evaluate
+from friction_comp.evaluation.conditions import evaluate, FEWEST
 from friction_comp.exercise.exercise_script import ExerciseScript
 from friction_comp.exercise.taught_exercise import TURN
 from friction_comp.model.friction_model import FrictionModel

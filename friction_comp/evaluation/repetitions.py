@@ -6,11 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from datetime import date, datetime
+from datetime import datetime
 from itertools import pairwise
 import math
 from pathlib import Path
-import re
 from typing import Any
 
 import numpy as np
@@ -352,14 +351,8 @@ def _compensation(command: np.ndarray | None, report: Activity | None, loaded: s
 
 
 def _date_of(info: RecordingInfo) -> str:
-    """Return a recording's ISO date here by its stamps, in simulated time by its path, or ''."""
-    if _wall_time(info):
-        return datetime.fromtimestamp(info.start).date().isoformat()
-    dated = re.search(r'(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)', str(info.path))
-    try:
-        return date.fromisoformat('-'.join(dated.groups())).isoformat() if dated else ''
-    except ValueError:
-        return ''
+    """Return a recording's ISO date here by its stamps, '' for simulated time."""
+    return datetime.fromtimestamp(info.start).date().isoformat() if _wall_time(info) else ''
 
 
 def _wall_time(info: RecordingInfo) -> float:

@@ -4,6 +4,10 @@
 
 A block is a short piece of motion in one direction. Averaging over blocks removes the noise of
 single samples and leaves a few values per second.
+
+Friction turns with the motion. A weight that was added or an offset of a sensor does not, and
+another inertia goes with the acceleration. So a residual is a factor of the model's friction beside
+these, by least squares.
 """
 
 from __future__ import annotations
@@ -20,7 +24,6 @@ from friction_comp.facts.motion import STANDSTILL
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import LARGER, Recorded
-from friction_comp.monitoring.friction_change import friction_change
 from friction_comp.number_text import quantity
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
@@ -39,7 +42,68 @@ _SLOW_SHARE = 0.1
 # A warning ends at this share of the error that starts it.
 _HYSTERESIS = 0.8
 # Columns of the table of blocks.
-_TIME, _POSITION, _VELOCITY, _ACCELERATION, _RESIDUAL, _PREDICTED, _FRICTION = range(7)
+_TIME, _POSITION, _VELOCITY, _ACCELERATION, _RESIDUAL, _FRICTION = range(6)
+# Least share of either direction: of fewer, an offset cannot be told from friction.
+_EITHER = 0.1
+# Directions of columns that vary less than this share of the largest are not told.
+_SINGULAR = 1e-4
+# Of the squared error, what a cause must explain to be named, and all of them leave at most; of a
+# squared load, what must vary for it to depend on position.
+_CAUSE, _REST, _VARIES = 0.3, 0.5, 0.05
+
+
+@dataclass(frozen=True)
+class FrictionChange:
+    """Parts of a residual, A; each array has the shape (N,) of the samples."""
+
+    factor: float           # change of friction as a share of the model's, 0 if it is the same
+    friction: np.ndarray    # what this factor explains
+    load: np.ndarray        # what does not turn with the motion, but may vary with position
+    inertia: np.ndarray
+    residual: np.ndarray
+    one_way: bool           # whether motion was in one direction: an offset counts as friction
+
+    @property
+    def level(self) -> float:
+        """The change of friction if it explains much of the error; else 0."""
+        return self.factor * self._explains(self.friction)
+
+    def _explains(self, part: np.ndarray) -> bool:
+        error = self.residual - self.inertia
+        return (rms(part) ** 2 > _CAUSE * rms(error) ** 2
+                and rms(error - self.friction - self.load) ** 2 < _REST * rms(error) ** 2)
+
+    def causes(self, unit: str) -> list[str]:
+        """Return what explains much of the residual, in words."""
+        found = []
+        if self.level:
+            found.append(f'the friction{", or an offset," * self.one_way} is '
+                         f'{100 * abs(self.level):.0f} % {"higher" if self.level > 0 else "lower"}')
+        if self._explains(self.load):
+            size = rms(self.load)
+            varies = float(np.var(self.load)) > _VARIES * size ** 2
+            found.append(f'a load of {quantity(size, unit)} is not in the model, ' + (
+                'which varies with position: a weight or a spring' if varies else
+                'the same everywhere: an offset of the sensor or a weight'))
+        return found
+
+
+def friction_change(residual: np.ndarray, friction: np.ndarray, samples: Samples) -> FrictionChange:
+    """Return the parts of a residual of samples of a joint that slides.
+
+    `residual` is the measured less the predicted current, of which `friction` is a part, A, (N,);
+    `samples` have velocity and acceleration.
+    """
+    side, position = np.sign(np.asarray(samples.velocity)), samples.position
+    load = np.column_stack((np.ones(len(side)), np.cos(position), np.sin(position)))
+    one_way = bool(min(np.mean(side > 0.0), np.mean(side < 0.0)) < _EITHER)
+    columns = np.column_stack(
+        (friction, np.asarray(samples.acceleration), load * (not one_way)))
+    scale = np.maximum(np.sqrt(np.mean(columns ** 2, axis=0)), 1e-12)
+    fit = np.linalg.pinv(columns / scale, rcond=_SINGULAR) @ residual / scale
+    parts = columns * fit
+    return FrictionChange(float(fit[0]), parts[:, 0], parts[:, 2:].sum(axis=1), parts[:, 1],
+                          residual, one_way)
 
 
 @dataclass(frozen=True)
@@ -83,26 +147,21 @@ class ResidualMonitor:
     def __init__(self, tolerance: float, recorded: Recorded | None = None, unit: str = 'A') -> None:
         self.tolerance = check_number(tolerance, 'tolerance', above=0.0)
         self._recorded, self._unit = recorded or Recorded(), unit
-        self._blocks = np.empty((0, 7))
+        self._blocks = np.empty((0, 6))
         self._speed = 0.0
         self._warned = False
 
-    def add(self, samples: Samples, residual: np.ndarray, predicted: np.ndarray,
-            friction: np.ndarray) -> None:
-        """Add samples with velocity and acceleration.
-
-        Residual, prediction, and the part of it that is friction are in A, shape (N,).
-        """
+    def add(self, samples: Samples, residual: np.ndarray, friction: np.ndarray) -> None:
+        """Add samples with velocity and acceleration, with residual and friction in A, (N,)."""
         if len(samples) < 2 or samples.velocity is None or samples.acceleration is None:
             return
         speed = np.abs(samples.velocity)
         fast = float(np.percentile(speed, 90))
         self._speed = max(fast, 0.99 * self._speed)
         moving = speed > max(STANDSTILL, _SLOW_SHARE * self._speed)
-        moving &= np.isfinite(residual) & np.isfinite(predicted)
-        table = np.column_stack([
-            samples.time, samples.position, samples.velocity, samples.acceleration, residual,
-            predicted, friction])
+        moving &= np.isfinite(residual)
+        table = np.column_stack([samples.time, samples.position, samples.velocity,
+                                 samples.acceleration, residual, friction])
         means = [table[part].mean(axis=0) for part in _block_slices(samples, moving)]
         if means:
             self._blocks = np.vstack((self._blocks, means))[-_RECENT:]
@@ -116,8 +175,7 @@ class ResidualMonitor:
         motion = Samples(
             time=blocks[:, _TIME], position=blocks[:, _POSITION], current=blocks[:, _RESIDUAL],
             velocity=blocks[:, _VELOCITY], acceleration=blocks[:, _ACCELERATION])
-        change = friction_change(blocks[:, _RESIDUAL], blocks[:, _PREDICTED], blocks[:, _FRICTION],
-                                 motion, expected)
+        change = friction_change(blocks[:, _RESIDUAL], blocks[:, _FRICTION], motion)
         error = rms(blocks[:, _RESIDUAL] - change.inertia)
         friction = max(rms(blocks[:, _FRICTION]), 1e-12)
         limit = max(self.tolerance * friction, LARGER * expected)
@@ -207,8 +265,7 @@ class LiveResidual:
             self.blind = str(error)
             return
         residual = differentiated.current - predicted
-        self.monitor.add(
-            differentiated.take(new), residual[new], predicted[new], friction[new])
+        self.monitor.add(differentiated.take(new), residual[new], friction[new])
 
     def _missing(self, samples: Samples) -> str:
         """Return which signals, or the torque of an arm's links, the model lacks here."""

@@ -12,8 +12,7 @@ from typing import NamedTuple
 from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.evaluation.compare import Comparison, FEWEST, Interval
-from friction_comp.evaluation.conditions import Condition, Evaluation
+from friction_comp.evaluation.conditions import Comparison, Condition, Evaluation, FEWEST, Interval
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.number_text import aligned, number
 from friction_comp.reports.figures import (
