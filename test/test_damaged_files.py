@@ -21,10 +21,8 @@ import traceback
 from helpers import ROOT
 import numpy as np
 import pytest
-from recording_maker import KIND, record, states, STORE
-from rosbags.rosbag1 import Writer
+from recording_maker import record, states
 from rosbags.rosbag2 import StoragePlugin
-from rosbags.typesys import get_typestore, Stores
 from scipy.io import savemat
 
 from friction_comp.__main__ import run
@@ -54,15 +52,6 @@ def bag(folder, plugin):
     path = record(folder / 'r', states(300), plugin) / f'r.{suffix}'
     shutil.move(path, folder / f'good.{suffix}')
     shutil.rmtree(folder / 'r')
-
-
-def ros1_bag(folder):
-    types = get_typestore(Stores.ROS1_NOETIC)
-    with Writer(folder / 'good.bag') as writer:
-        connection = writer.add_connection('/joint_states', KIND, typestore=types)
-        for _, receive, (_, message) in states(300):
-            raw = STORE.cdr_to_ros1(STORE.serialize_cdr(message, KIND), KIND)
-            writer.write(connection, receive, raw)
 
 
 def hdf5(folder):
@@ -113,7 +102,6 @@ def convert_to(suffix, make):
 FORMATS = {
     'mcap': convert_to('.mcap', lambda folder: bag(folder, StoragePlugin.MCAP)),
     'sqlite3': convert_to('.db3', lambda folder: bag(folder, StoragePlugin.SQLITE3)),
-    'ROS 1 bag': convert_to('.bag', ros1_bag),
     'CSV': table('.csv', lambda path: np.savetxt(
         path, np.column_stack([*COLUMNS.values()]), delimiter=',', header=','.join(COLUMNS),
         comments='')),

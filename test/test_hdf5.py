@@ -45,7 +45,7 @@ def test_an_episode_of_teleoperation_needs_the_rate_and_the_joint_only(tmp_path,
     assert samples.arm.joints == ('1', '2', '3')
     refuses('or the rows per second with --rate HZ', 'refine', path)
     refuses("several joints, name one with --joint: '1', '2', '3'", 'refine', path, '--rate', '50')
-    refuses(f'must be named, for instance with {tmp_path}/*.hdf5', 'refine', tmp_path)
+    refuses('no recording in this folder; tables must be named', 'refine', tmp_path)
 
 
 def test_an_action_is_a_target_beside_what_was_measured(tmp_path):

@@ -74,47 +74,21 @@ def test_refine_reads_a_table_of_steady_states(tmp_path, capsys):
     assert main(['refine', str(path), '--output', str(output)]) == 2
 
 
-def servo(stiffness, damping, rate_of_target, count=6000):
-    """Return a simulated position controller: time, target, position, and its effort."""
-    step, position, velocity = 0.005, 0.0, 0.0
-    time = step * np.arange(count)
-    target = 0.6 * np.sin(2.0 * time) * np.sin(0.3 * time)
-    rate = np.gradient(target, time)
-    positions, efforts = np.empty(count), np.empty(count)
-    for k in range(count):
-        for _ in range(10):
-            effort = stiffness * (target[k] - position) + damping * (
-                rate_of_target * rate[k] - velocity)
-            friction = 0.4 * math.tanh(velocity / 0.01) + 0.2 * velocity
-            velocity += 0.1 * step * (effort - friction) / 0.05
-            position += 0.1 * step * velocity
-            if not _:
-                positions[k], efforts[k] = position, effort
-    return time, target, positions, efforts
-
-
-@pytest.mark.parametrize('rate_of_target', [0.0, 1.0])
-def test_the_effort_of_a_position_controller_follows_from_its_gains(tmp_path, rate_of_target):
-    time, target, position, effort = servo(20.0, 0.5, rate_of_target)
-    path = write(tmp_path / 'servo.csv', time=time, target_position=target, position=position)
-    (samples, info), = read_recording_with_info(path, layout=Layout(
-        stiffness=[20.0], damping=[0.5]))
-    assert np.sqrt(np.mean((samples.current - effort) ** 2)) < 0.05
-    assert any('rate of target' in note for note in info.notes) == bool(rate_of_target)
-
-
-def test_gains_may_be_columns_or_one_for_each_recording(tmp_path):
-    time, position, _ = swing(300)
-    paths = [write(tmp_path / f'log_{k}.csv', time=time, target=position + 0.1 * k,
-                   position=position, kp=np.full(300, 10.0 * k)) for k in (1, 2)]
-    for gains in ([10.0, 20.0], ['kp']):
-        first, second = read_recording(paths, layout=Layout(stiffness=gains))
-        np.testing.assert_allclose(first.current, 1.0)
-        np.testing.assert_allclose(second.current, 4.0)
-    with pytest.raises(InputError, match='3 values for 2 recordings'):
-        read_recording(paths, layout=Layout(stiffness=[1.0, 2.0, 3.0]))
+@pytest.mark.parametrize('follows', [False, True])
+def test_the_effort_of_a_position_controller_follows_from_its_gains(tmp_path, follows):
+    time, position, velocity = swing(300)
+    target = {'target_position': position + 0.1, **({'target_velocity': velocity + 0.2}
+                                                    if follows else {})}
+    path = write(tmp_path / 'servo.csv', time=time, position=position, kp=np.full(300, 20.0),
+                 **target)
+    for gain in (20.0, 'kp'):
+        (samples, info), = read_recording_with_info(path, layout=Layout(
+            stiffness=gain, damping=0.5))
+        np.testing.assert_allclose(
+            samples.current[1:-1], 2.1 if follows else 2.0 - 0.5 * velocity[1:-1], atol=1e-3)
+        assert any('target velocity' in note for note in info.notes) == follows
     with pytest.raises(InputError, match="no column 'gain'"):
-        read_recording(paths, layout=Layout(stiffness=['gain']))
+        read_recording(path, layout=Layout(stiffness='gain'))
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
@@ -157,7 +131,7 @@ def test_a_data_frame_means_the_same_as_a_file():
     np.testing.assert_allclose(samples.command, friction)
     assert any('is reversed' in note for note in notes)
     samples = read_frame({'target': position + 0.1, 'q': position},
-                                 Layout(rate=1000.0, stiffness=[20.0]))
+                                 Layout(rate=1000.0, stiffness=20.0))
     np.testing.assert_allclose(samples.time, time)
     np.testing.assert_allclose(samples.current, 2.0)
 
@@ -184,8 +158,8 @@ def test_a_name_that_two_units_share_is_asked():
     names = ['t', 'angle [deg]', 'angle [rad]', 'tau']
     with pytest.raises(InputError, match='no column'):
         assign(names, Layout({'position': 'angle'}), 'log')
-    gains = Layout(stiffness=('kp',), damping=(1.0,)).gains([*names, 'kp [N·m/rad]'], 'log')
-    assert gains == ('kp [N·m/rad]', 1.0)
+    named = Layout(stiffness='kp', damping=1.0).naming([*names, 'kp [N·m/rad]'], 'log')
+    assert (named.stiffness, named.damping) == ('kp [N·m/rad]', 1.0)
 
 
 @pytest.mark.parametrize(('names', 'layout', 'said'), [

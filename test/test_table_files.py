@@ -9,7 +9,7 @@ import pytest
 from scipy.io.matlab import MatlabOpaque
 from table_maker import swing, write
 
-from friction_comp import InputError, Layout, read_recording
+from friction_comp import Layout, read_recording
 from friction_comp.__main__ import main
 from friction_comp.recordings import read_recording_with_info
 
@@ -43,30 +43,6 @@ def test_rows_of_one_joint_each_stay_as_they_were_measured(tmp_path):
     for joint in (1, 2):
         samples, = read_recording(path, str(joint))
         np.testing.assert_allclose(samples.current, velocity[joint - 1::2])
-
-
-def test_a_bag_of_ros_1_is_read(tmp_path):
-    from rosbags.rosbag1 import Writer
-    from rosbags.typesys import get_typestore, Stores
-
-    store = get_typestore(Stores.ROS1_NOETIC)
-    types, kind = store.types, 'sensor_msgs/msg/JointState'
-    time, position, velocity = swing(50)
-    with Writer(tmp_path / 'log.bag') as bag:
-        connection = bag.add_connection('/arm/joint_states', kind, typestore=store)
-        for k in range(len(time)):
-            stamp = 1_000_000_000 + round(1e9 * time[k])
-            header = types['std_msgs/msg/Header'](k, types['builtin_interfaces/msg/Time'](
-                *divmod(stamp, 1_000_000_000)), '')
-            message = types[kind](header, ['elbow'], position[[k]], velocity[[k]], np.array([3.0]))
-            bag.write(connection, stamp, store.serialize_ros1(message, kind))
-    samples, = read_recording(tmp_path / 'log.bag')
-    assert samples.joint == 'elbow'
-    np.testing.assert_allclose(samples.time, time, atol=1e-9)
-    np.testing.assert_allclose(samples.velocity, velocity)
-    (tmp_path / 'log.bag').write_bytes((tmp_path / 'log.bag').read_bytes()[:700])
-    with pytest.raises(InputError, match=r'log\.bag: not a readable recording'):
-        read_recording(tmp_path / 'log.bag')
 
 
 @pytest.mark.parametrize(('name', 'head', 'mark'), [

@@ -221,7 +221,7 @@ def test_a_wide_sheet_is_read_in_time_that_grows_with_its_columns(tmp_path):
      ('Drive/Left', 'V', 1260)),
     ('gear_dynamometer/dyno.csv', {'units': {'effort': '100Nm'}}, ('', 'N·m', 4000)),
     ('one_joint_of_arm_trusts/robot_data.csv', {'joint': '2'}, ('2', 'A', None)),
-    ('position_only_servo/servo.csv', {'stiffness': (20.0,), 'damping': (0.5,)},
+    ('position_only_servo/servo.csv', {'stiffness': 20.0, 'damping': 0.5},
      ('', 'N·m', 2000))])
 def test_inputs_of_public_reports_mean_what_they_say(file, layout, fact):
     given = Layout(**layout)

@@ -61,10 +61,12 @@ def test_a_current_without_a_unit_is_taken_for_granted_too(tmp_path):
     assert 'current in A' in info.assumed
 
 
-@pytest.mark.parametrize('name', ['log.xlsx', 'log.XLS', 'log.ods'])
-def test_a_workbook_is_refused_with_what_to_do(tmp_path, refuses, name):
+@pytest.mark.parametrize(('name', 'said'), [
+    ('log.xlsx', 'save its sheet as CSV'), ('log.XLS', 'save its sheet as CSV'),
+    ('log.bag', 'log.bag: a bag of ROS 1: rosbags-convert --src ')])
+def test_a_workbook_and_a_bag_of_ros_1_are_refused_with_what_to_do(tmp_path, refuses, name, said):
     (tmp_path / name).write_bytes(b'PK')
-    refuses('a workbook: save its sheet as CSV', 'refine', tmp_path / name)
+    refuses(said, 'refine', tmp_path / name)
 
 
 @pytest.mark.parametrize(('angle', 'rate', 'said'), [
@@ -105,20 +107,6 @@ def test_ripples_of_any_gear_seldom_tell_another_unit():
     assert alarms <= 20
     assert sum(len(list(other_turn([ripple(k - 0.03, k + 0.03) for k in TURN * np.round(waves)])))
                for waves in first) > 1900
-
-
-def test_a_drive_that_is_logged_on_both_sides_of_its_gear_is_one_joint(tmp_path):
-    time, position, velocity = swing()
-    torque = np.sign(velocity) + 0.1 * np.sin(7.0 * time)
-    path = write(tmp_path / 'log.csv', **{
-        'time [s]': time, 'a1 position [rad]': position, 'a1 torque [Nm]': torque,
-        'c1 position [rev]': np.round(6.0 * position / (2.0 * np.pi), 5) + 0.1,
-        'c1 torque [Nm]': torque / 6.0, 'b1 position [rad]': 6.0 * position,
-        'b1 torque [Nm]': 0.5 * np.cos(time)})
-    (samples, info), = read_recording_with_info(path, 'a1')
-    # What is on the same shaft, but has a torque of its own, is another motor.
-    assert samples.arm.joints == ('a1', 'b1')
-    assert any(note.startswith('c1: ') and 'same drive' in note for note in info.notes)
 
 
 def test_a_length_is_not_so_many_turns(tmp_path, capsys):

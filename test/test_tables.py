@@ -168,7 +168,7 @@ def test_errors_in_columns_arguments_say_what_is_valid(tmp_path, refuses, argume
 
 
 @pytest.mark.parametrize(('unit', 'said'), [
-    ('deg', 'for instance position=deg'), ('ms', 'for instance time=ms'),
+    ('deg', 'for instance position=deg'), ('ms', 'given as SIGNAL=UNIT'),
     ('position:deg', 'for instance position=deg'), ('counts/4096', 'position=counts/4096')])
 def test_a_unit_alone_is_that_of_effort(refuses, unit, said):
     refuses(said, 'refine', 'log.csv', '--unit', unit)
@@ -180,8 +180,7 @@ def test_columns_and_units_of_what_is_no_table_are_not_ignored(tmp_path, refuses
                           ('--unit', 'position=deg,load=kN'), ('--rate', '100')):
         for tool in ('refine', 'evaluate', 'convert'):
             refuses('describe tables, and this is none', tool, tmp_path / 'bag', option, value)
-    refuses('joint states have effort in N·m, N or A, not in V', 'refine', tmp_path / 'bag',
-            '--unit', 'effort=V')
+    refuses('effort, which is in N·m, N or A', 'refine', tmp_path / 'bag', '--unit', 'effort=V')
 
 
 @pytest.mark.parametrize(('unit', 'position', 'effort'), [

@@ -5,8 +5,8 @@
 import numpy as np
 import pytest
 
+from friction_comp.facts.motion import at_times, turns_of
 from friction_comp.recordings import read_recording_with_info
-from friction_comp.recordings.time_base import at_times, turns_of
 
 WRAPS = {'position [rad]': (1.0, -np.pi), 'angle_rad': (1.0, 0.0), 'position [deg]': (
     180.0 / np.pi, -np.pi)}

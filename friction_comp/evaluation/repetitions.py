@@ -16,7 +16,7 @@ import numpy as np
 
 from friction_comp.facts.timing import gap_length
 from friction_comp.recordings import Activity
-from friction_comp.recordings.time_base import HOLE
+from friction_comp.recordings.joint_samples import HOLE
 from friction_comp.samples import RecordingInfo, Samples
 from friction_comp.statistics import rms, top_speed
 

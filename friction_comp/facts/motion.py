@@ -132,6 +132,26 @@ def turns_of(time: np.ndarray, angle: np.ndarray, turn: float = 2.0 * np.pi) -> 
     return np.concatenate(([0.0], np.cumsum(np.where(wraps, -np.sign(jumps), 0.0))))
 
 
+def at_times(times: np.ndarray, own: np.ndarray, values: np.ndarray, hole: float = 0.0,
+             turn: float = 0.0) -> np.ndarray:
+    """Return values, shape (N,), interpolated from their `own` times, rising, to others, s.
+
+    They are NaN farther than a gap beyond the ends, and in gaps longer than `hole`, s; a single one
+    holds for all. Those of an angle that may wrap around at a `turn` are continued over it.
+    """
+    if turn:
+        values = values + turn * turns_of(own, values, turn)
+    interpolated: np.ndarray = np.interp(times, own, values)
+    if len(own) > 1:
+        steps = np.diff(own)
+        gap = gap_length(steps)
+        beyond = np.maximum(own[0] - times, times - own[-1])
+        following = np.searchsorted(own, times).clip(1, len(steps))
+        within = (steps[following - 1] > max(gap, hole)) & ~np.isin(times, own)
+        interpolated[(beyond > gap) | ((beyond <= 0.0) & within)] = np.nan
+    return interpolated
+
+
 def not_in_radians(position: np.ndarray) -> str:
     """Return what tells that positions, shape (N,), are not in rad; '' if nothing does.
 

@@ -8,11 +8,19 @@ import numpy as np
 
 from friction_comp.facts.current import wrong_sign
 from friction_comp.facts.motion import glitches, impossible, turns_of, velocity_agreement
-from friction_comp.facts.timing import held_rows
+from friction_comp.facts.timing import held_rows, rhythm
 from friction_comp.samples import Samples
 
 # Share of velocities that may differ from zero where positions are held, of those where one is new.
 _FEW = 0.1
+# A joint whose position covers more, rad or m, moved.
+_MOVED = 0.01
+
+
+def moves(position: np.ndarray) -> bool:
+    """Return whether a joint moved, by its positions, (N,), which may be NaN."""
+    position = position[np.isfinite(position)]
+    return len(position) > 0 and bool(np.ptp(position) > _MOVED)
 
 
 def tidied(samples: Samples, notes: list[str]) -> tuple[Samples, np.ndarray]:
@@ -40,6 +48,9 @@ def tidied(samples: Samples, notes: list[str]) -> tuple[Samples, np.ndarray]:
                      'within one sample')
         rows = rows[~odd]
     samples = samples if len(rows) == len(samples) else samples.take(rows)
+    _, gaps, longest, before = rhythm(samples.time)
+    if gaps:
+        notes.append(f'{gaps} gaps, the longest of {longest:.3g} s after {before:.3f} s')
     turns = turns_of(samples.time, samples.position)
     if turns.any():
         notes.append(f'position wraps around {np.count_nonzero(np.diff(turns))} times: turns are '

@@ -1,26 +1,39 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Turns a joint's raw signals into samples at the times of its joint states."""
+"""A joint of a bag as samples: its joint states, and other topics at their times."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import one_of
 from friction_comp.errors import InputError
-from friction_comp.facts.recorded import implausible, tidied
-from friction_comp.recordings import time_base
-from friction_comp.recordings.scan import Scan, signal_of, Track
+from friction_comp.facts.motion import at_times
+from friction_comp.facts.recorded import implausible, moves, tidied
+from friction_comp.facts.timing import gap_length
+from friction_comp.recordings.scan import Scan, Track
 from friction_comp.samples import JointStates, RecordingInfo, Samples
+from friction_comp.stamps import NANO
 from friction_comp.tables.table_recording import TableRecording
-from friction_comp.topics import TOPICS
+from friction_comp.topics import TORQUE_UNIT
 
-# A joint whose position covers more, rad or m, moved.
-_MOVED = 0.01
-# Share of a signal's variance that may be its rounding, where it is a multiple of another.
-_ROUNDED = 1e-4
+# Distance of a stamp from its neighbours above which it is far off, and of the clocks of two topics
+# above which they are different ones, since no message is as late, ns.
+_FAR_OFF = NANO
+# With so many successive messages of earlier stamps, the clock was set back; fewer are out of
+# order.
+_SET_BACK = 20
+# Time for which a person's torque or the motion may be interpolated, s; a driver does not keep the
+# current of a command for longer (the plant's `command_timeout`).
+HOLE = 0.1
+# Topics that are interpolated, and the signals in their columns.
+_INTERPOLATED = {
+    'reference': ('reference_position', 'reference_velocity'),
+    'interaction_wrench': ('load',), 'motor_temperature': ('temperature',),
+}
 
 
 def number_recordings(recordings: Iterable[tuple[Samples, RecordingInfo]]
@@ -53,21 +66,22 @@ def without_compensation(samples: Samples, info: RecordingInfo) -> Samples:
     return samples.take(~compensated)
 
 
-def to_samples(scan: Scan | TableRecording, joint: str | None,
-               torque_per_current: float) -> tuple[Samples, RecordingInfo]:
-    """Interpolate one joint's signals to the times of its joint states.
+def to_samples(recording: Scan | TableRecording, joint: str | None, torque_per_current: float
+               ) -> tuple[Samples, RecordingInfo]:
+    """Return one joint's signals at the times of its joint states, or of a table's rows.
 
     Raises InputError if the joint is missing or not named, or the values are impossible.
     """
-    if isinstance(scan, TableRecording):
-        return scan.samples(joint, torque_per_current)
+    if isinstance(recording, TableRecording):
+        return recording.samples(joint, torque_per_current)
+    scan = recording
     if scan.effort_is_current:
         torque_per_current = 1.0
-    track, joint, joints, own = _select_joint(scan, joint)
-    info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
-                         model=scan.model, effort_is_current=scan.effort_is_current,
-                         linear=scan.linear)
-    stamp = time_base.message_times(track, info.notes)
+    track, key = scan.find(joint)
+    joint, own = key or joint or '', track.values[key]
+    info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes), model=scan.model,
+                         effort_is_current=scan.effort_is_current, linear=scan.linear)
+    stamp = _message_times(track, info.notes)
     position, velocity, effort = own.T[:3]
     for name, signal in (('position', position), ('effort', effort)):
         if not np.isfinite(signal).any():
@@ -79,94 +93,62 @@ def to_samples(scan: Scan | TableRecording, joint: str | None,
         finite &= np.isfinite(velocity)
     else:
         velocity = None
-    far = time_base.far_off(stamp)
-    usable = np.flatnonzero(finite & ~far)
-    order = usable[time_base.rising(stamp[usable])]
+    order = _in_order(stamp, finite)
     if not len(order):
         raise InputError(f'{scan.path}: {track.topic} never has position and effort of joint '
                          f'{joint!r} together, with a stamp near the others')
-    alone = len(scan.joints) == 1
+    # Messages of other joints alone have no value of this one.
+    expected = np.isfinite(own).any(axis=1) | (len(scan.joints) == 1)
     for reason, count in (
-            # Messages of other joints alone have no value of this one.
-            ('not finite', np.count_nonzero(~finite & (np.isfinite(own).any(axis=1) | alone))),
-            ('stamp far off', np.count_nonzero(finite & far)),
-            ('stamp not later than those before, or after the clock was set back',
-             len(usable) - len(order))):
-        if count:
-            info.notes.append(f'{count} joint states left out: {reason}')
-    lost = scan.custom.get('messages_lost', '')
-    if lost:
+            ('not finite', np.count_nonzero(~finite & expected)),
+            ('stamp far off, not later than those before, or after the clock was set back',
+             np.count_nonzero(finite) - len(order))):
+        info.notes += [f'{count} joint states left out: {reason}'] if count else []
+    if lost := scan.custom.get('messages_lost', ''):
         info.notes.append(f'the recorder lost messages: {lost}')
     origin = int(stamp[order[0]])
     info.start = origin * 1e-9
     info.stamps = (stamp - origin) * 1e-9
-    info.rows = order
-    time = info.stamps[order]
-    time_base.note_gaps(time, info.notes)
-    base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()),
-                              info.notes)
+    base = _TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), info.notes)
     info.activity = [(base.to_state_time(activity.time) - info.start, activity.of(joint))
                      for activity in scan.activity]
     samples, kept = tidied(Samples(
-        time=time, position=position[order], current=effort[order] / torque_per_current,
+        time=info.stamps[order], position=position[order],
+        current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint), info.notes)
     info.rows = order[kept]
     base.stamp, base.receive = base.stamp[kept], base.receive[kept]
-    samples = samples.with_(**time_base.other_signals(
-        scan.around(track.topic), joint, joints, base, torque_per_current, info.notes))
-    if fault := implausible(samples, all(values is own for _, values in _moved(scan))):
+    samples = samples.with_(**_other_signals(scan, track, key, base, torque_per_current))
+    alone = not any(moves(values[:, 0]) for other in scan.of('joint_states')
+                    for values in other.values.values() if values is not own)
+    if fault := implausible(samples, alone):
         raise InputError(f'{scan.path}: ' + f'joint {joint!r}: ' * bool(joint) + fault)
     return samples, info
 
 
-def usable_joints(scan: Scan | TableRecording, torque_per_current: Callable[[str], float],
-                  notes: list[str] | None = None) -> dict[str, tuple[Samples, RecordingInfo]]:
-    """Return every usable joint of a scan, and note the others; InputError if there is none."""
+def usable_joints(recording: Scan | TableRecording, names: Iterable[str],
+                  torque_per_current: Callable[[str], float], notes: list[str] | None = None
+                  ) -> dict[str, tuple[Samples, RecordingInfo]]:
+    """Return the joints that are usable, and note the others; InputError if there is none."""
     read: dict[str, tuple[Samples, RecordingInfo]] = {}
     reason = None
-    wanted: list[str | None] = [*scan.joints] or [None]
+    wanted: list[str | None] = [*names] or [None]
     for name in wanted:
         try:
-            entry = to_samples(scan, name, torque_per_current(name or ''))
+            entry = to_samples(recording, name, torque_per_current(name or ''))
         except InputError as error:
             # An arm is usable even if, for instance, its gripper has no effort.
             reason = error
             if notes is not None:
                 notes.append(f'left out: {error}')
             continue
+        if entry[1].joint in read:
+            raise InputError(f'{recording.path}: joint {entry[1].joint!r} is in several topics: '
+                             f'name one with --joint: {", ".join(recording.joints)}')
         read[entry[1].joint] = entry
     if not read and reason:
         raise reason
     return read
-
-
-def without_copies(joints: dict[str, tuple[Samples, RecordingInfo]], info: RecordingInfo
-                   ) -> dict[str, tuple[Samples, RecordingInfo]]:
-    """Return the joints without those that are the drive of `info` once more, and note them.
-
-    Where a motor is logged on both sides of its gear, position and current of one side are
-    multiples of those of the other.
-    """
-    own = joints[info.joint][0]
-    copies = [name for name, (other, _) in joints.items() if name != info.joint and all(
-        _is_multiple(getattr(other, signal), getattr(own, signal))
-        for signal in ('position', 'current'))]
-    if copies:
-        info.notes.append(f'{", ".join(copies)}: position and effort are multiples of those of '
-                          f'{info.joint}, so that they are the same drive and no other joint')
-    return {name: entry for name, entry in joints.items() if name not in copies}
-
-
-def _is_multiple(values: np.ndarray, of: np.ndarray) -> bool:
-    """Return whether values, shape (N,), are a multiple of others, beside a constant."""
-    return (len(values) == len(of) and np.ptp(values) > 0.0 < np.ptp(of)
-            and bool(np.corrcoef(values, of)[0, 1] ** 2 > 1.0 - _ROUNDED))
-
-
-def moved_without_effort(scan: Scan | TableRecording, joints: Iterable[str]) -> list[str]:
-    """Return the names of joints that moved, but are not among the usable `joints`."""
-    return [] if isinstance(scan, TableRecording) else sorted(
-        {name for name, _ in _moved(scan)} - set(joints))
 
 
 def joint_states_at(samples: Samples, info: RecordingInfo,
@@ -179,47 +161,208 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
         positions.append(np.interp(time, other.time, other.position))
         if other.velocity is not None:
             speeds.append(np.interp(time, other.time, other.velocity))
-    all_have_velocity = len(speeds) == len(positions)
     return JointStates(tuple(joints), np.column_stack(positions),
-                       np.column_stack(speeds) if all_have_velocity else None)
+                       np.column_stack(speeds) if len(speeds) == len(positions) else None)
 
 
-def _moved(scan: Scan) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield name and values of every joint that moved."""
-    for track in scan.of('joint_states'):
-        for name, values in track.values.items():
-            position = values[np.isfinite(values[:, 0]), 0]
-            if len(position) and np.ptp(position) > _MOVED:
-                yield name, values
+# Times.
+
+def _message_times(track: Track, notes: list[str]) -> np.ndarray:
+    """Return the time of each message in ns: its stamp, or the receive time if most have none."""
+    stamp = track.stamp
+    if 2 * np.count_nonzero(stamp) < len(stamp):
+        notes.append('stamps are zero: receive times are used')
+        return track.receive
+    if len(stamp) > 20 and len(np.unique(stamp)) < len(stamp) // 10:
+        notes.append('stamps hardly change: receive times are used')
+        return track.receive
+    return stamp
 
 
-def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:
-    """Return the joint's track, its name, the track's joints in order, and the joint's values.
+def _in_order(times: np.ndarray, usable: np.ndarray) -> np.ndarray:
+    """Return indices of the usable times, ns, (N,), that are later than all usable ones before.
 
-    The only joint by default; raises InputError with the choices if it is not clear.
+    Single ones far from their neighbours, and those after a clock was set back, are left out.
     """
-    tracks = scan.of('joint_states')
-    if not tracks:
-        if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
-               scan.topics.items()):
-            raise InputError(f'{scan.path}: its joint_states contain no message')
-        wanted = TOPICS['joint_states']
-        states = [topic for topic, (kind, _) in scan.topics.items() if kind == wanted]
-        raise InputError(
-            f'{scan.path}: no joint_states of type {wanted} in it '
-            + (f'(of that type are {", ".join(sorted(states))}: name one, with its joint, as '
-               '--joint /TOPIC/NAME)'
-               if states else f'(topics: {", ".join(sorted(scan.topics)) or "none"})'))
-    joints = scan.joints
-    if not joints:
-        raise InputError(f'{scan.path}: joint_states names no joint')
-    # A single joint may have no name in the recording.
-    key = '' if joints == [''] else one_of(joints if joint else scan.choices, joint, scan.path)
-    joint = joint or key
-    matching = [track for track in tracks if key in track.names]
-    if len(matching) > 1:
-        raise InputError(
-            f'{scan.path}: joint {joint!r} is in several topics, name one with --joint: '
-            f'{", ".join(f"{track.topic}/{joint}" for track in matching)}')
-    track = matching[0]
-    return track, joint, list(track.names) if key else [joint], track.values[key]
+    far = np.zeros(len(times), dtype=bool)
+    if len(times) >= 5:
+        elapsed = (times - times[0]).astype(float)
+        around = np.lib.stride_tricks.sliding_window_view(np.pad(elapsed, 2, mode='edge'), 5)
+        far = np.abs(elapsed - np.median(around, axis=1)) > _FAR_OFF
+    rows = np.flatnonzero(usable & ~far)
+    latest = np.maximum.accumulate(times[rows])
+    later = np.concatenate(([True], latest[1:] > latest[:-1]))[:len(rows)]
+    if len(rows) >= _SET_BACK:
+        back = np.convolve(times[rows] < latest, np.ones(_SET_BACK), 'valid') >= _SET_BACK
+        later[int(np.argmax(back)) if back.any() else len(rows):] = False
+    return rows[later]
+
+
+@dataclass
+class _TimeBase:
+    """Times of the joint states in ns, at which all other signals are evaluated."""
+
+    stamp: np.ndarray
+    receive: np.ndarray
+    stamped: bool  # whether the joint states have stamps
+    notes: list[str]
+
+    def pair(self, track: Track) -> tuple[np.ndarray, np.ndarray]:
+        """Return times of the joint states and of another topic, ns: stamps of one clock if any."""
+        receive = track.receive
+        if not self.stamped or not track.stamp.any():
+            return self.receive, receive
+        ahead = track.stamp - receive - np.interp(receive, self.receive, self.stamp - self.receive)
+        together = (receive >= self.receive[0]) & (receive <= self.receive[-1])
+        low, middle, high = np.quantile(
+            ahead[together] if together.any() else 0.0, (0.1, 0.5, 0.9))
+        # Without times of receipt, this varies as much as the times.
+        if abs(middle) <= _FAR_OFF or high - low > _FAR_OFF:
+            return self.stamp, track.stamp
+        note = (f'{track.topic}: its stamps are {abs(middle) / NANO:.2g} s off those of the joint '
+                'states, of another clock: receive times are used')
+        self.notes += [note] if note not in self.notes else []
+        return self.receive, receive
+
+    def to_state_time(self, receive: Any) -> Any:
+        """Convert receive times in ns to the clock of the joint states, s."""
+        ahead = np.interp(receive, self.receive, self.stamp - self.receive)
+        return (receive + ahead) * 1e-9
+
+    def silent(self, track: Track, values: np.ndarray) -> np.ndarray:
+        """Return at which joint states a topic's last value is too old to hold, bool, shape (N,).
+
+        On their clock, since they and their answers stop together, as in a simulation that waits.
+        """
+        times = np.sort(self.to_state_time(track.receive[np.isfinite(values)]))
+        index = np.searchsorted(times, 1e-9 * self.stamp, side='right') - 1
+        if not len(times):
+            return np.zeros(len(index), dtype=bool)
+        age = 1e-9 * self.stamp - times[index.clip(0)]
+        return (index >= 0) & (age > max(HOLE, gap_length(np.diff(times))))
+
+    def hold(self, track: Track, values: np.ndarray, before: float = 0.0) -> np.ndarray:
+        """Return the latest value at each joint state (zero-order hold); `before` if none yet."""
+        times, own = self.pair(track)
+        rows = _in_order(own, np.isfinite(values))
+        index = np.searchsorted(own[rows], times, side='right') - 1
+        return np.where(index >= 0, values[rows][index.clip(0)] if len(rows) else before, before)
+
+    def interpolate(self, track: Track, values: np.ndarray, hole: float, turn: float
+                    ) -> np.ndarray | None:
+        """Return the signal at each joint state, as `at_times`; None if it covers less than half.
+
+        A single value holds for all.
+        """
+        times, own = self.pair(track)
+        rows = _in_order(own, np.isfinite(values))
+        own = own[rows]
+        if not len(rows) or (len(rows) > 1 and np.mean(
+                (times >= own[0]) & (times <= own[-1])) < 0.5):
+            return None
+        return at_times((times - times[0]) / NANO, (own - times[0]) / NANO, values[rows], hole,
+                        turn)
+
+
+# Other topics.
+
+def _other_signals(scan: Scan, states: Track, key: str, base: _TimeBase, torque_per_current: float
+                   ) -> dict[str, Any]:
+    """Return the signals of other topics, each shape (N,), by their names in `Samples`.
+
+    `key` is the joint's name in its `states`; `torque_per_current` in N·m/A is at the joint.
+    """
+    signals: dict[str, Any] = {}
+    for topic, names in _INTERPOLATED.items():
+        track = _with_joint(scan.of(topic, states.topic), states, key, base.notes)
+        if track is None:
+            continue
+        for column, name in enumerate(names):
+            values = _of_joint(track, key)[:, column]
+            if not np.isfinite(values).any() and len(names) > 1:
+                continue
+            # Across a hole, nothing is known of the torque of a person.
+            signals[name] = base.interpolate(
+                track, values, HOLE if name == 'load' else np.inf,
+                2.0 * np.pi if name == 'reference_position' else 0.0)
+            if signals[name] is None:
+                base.notes.append(f'{track.topic}: its {np.count_nonzero(np.isfinite(values))} '
+                                  'values cover less than half of the recording: not used')
+            # Before and after an exercise there is no reference.
+            elif topic != 'reference' and np.isnan(signals[name]).any():
+                base.notes.append(
+                    f'{track.topic}: has gaps, begins later or ends earlier than the joint states: '
+                    f'{name} is not known at {np.count_nonzero(np.isnan(signals[name]))} of them')
+    # Arrays have no joint names: their order is what the node that commands reports, else that of
+    # the reference, else that of the joint states.
+    orders = [*(report.joints.split(', ') for report in scan.activity if report.joints),
+              *(track.names for track in scan.of('reference', states.topic)), states.names]
+    command = _of_array(scan.of('current_command', states.topic), key, orders, base.notes,
+                        torque_per_current)
+    if command is not None:
+        signals['command'] = base.hold(*command)
+        # A compensator answers every joint state; a table may hold commands only where they change.
+        if scan.activity:
+            signals['command'][base.silent(*command)] = np.nan
+    return {**signals, 'direction': _direction(scan, states, key, orders, base)}
+
+
+def _direction(scan: Scan, states: Track, key: str, orders: list[list[str]], base: _TimeBase
+               ) -> np.ndarray | None:
+    """Return the announced direction; of the two topics, the later message is valid."""
+    directions = []
+    plain = _of_array(scan.of('direction', states.topic), key, orders, base.notes)
+    if plain is not None:
+        # Like the compensator, take any other value as 0.
+        directions.append((plain[0], np.where(np.isin(plain[1], (-1.0, 1.0)), plain[1], 0.0)))
+    stamped = _with_joint(scan.of('direction_stamped', states.topic), states, key, base.notes)
+    if stamped is not None:
+        directions.append((stamped, np.sign(_of_joint(stamped, key)[:, 1])))
+    if not directions:
+        return None
+    latest, ages = [], []
+    for track, values in directions:
+        # The topics may have different clocks, so ages are compared instead of times.
+        state_times, times = base.pair(track)
+        latest.append(base.hold(track, values))
+        ages.append(state_times - base.hold(track, times.astype(float), before=-1.0))
+    return np.where(np.argmin(ages, axis=0) == 0, latest[0], latest[-1]).astype(int)
+
+
+def _with_joint(tracks: list[Track], states: Track, key: str, notes: list[str]) -> Track | None:
+    """Return the track with values of a joint, if any; notes say what is assumed."""
+    for track in tracks:
+        if key in track.values:
+            return track
+    if len(tracks) == 1 and len(tracks[0].names) == len(states.names) == 1:
+        # A single sensor belongs to a single joint, whatever its frame.
+        if name := tracks[0].names[0]:
+            notes.append(f'{tracks[0].topic} of {name!r} is taken to be that of {key!r}')
+        return tracks[0]
+    if tracks:
+        named = ', '.join(repr(name) for name in tracks[0].values)
+        notes.append(f'{tracks[0].topic} is of {named}, not of joint {key!r}: its frame_id or '
+                     'names say of which joint it is')
+    return None
+
+
+def _of_joint(track: Track, key: str) -> np.ndarray:
+    return track.values[key if key in track.values else track.names[0]]
+
+
+def _of_array(tracks: list[Track], key: str, orders: list[list[str]], notes: list[str],
+              torque_per_current: float = 1.0) -> tuple[Track, np.ndarray] | None:
+    """Return the track with a joint's values, or None; commands in N·m as currents."""
+    for track in tracks:
+        width = max(values.shape[1] for values in track.values.values())
+        for order in orders:
+            if key in order and len(order) == width:
+                column = np.full(len(track.receive), np.nan)
+                for unit, values in track.values.items():
+                    if order.index(key) < values.shape[1]:
+                        own = values[:, order.index(key)]
+                        column = np.where(np.isnan(own), column, own / (
+                            torque_per_current if unit == TORQUE_UNIT else 1.0))
+                return track, column
+        notes.append(f'{track.topic} has {width} values, which fits no list of joints')
+    return None

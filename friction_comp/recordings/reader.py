@@ -10,7 +10,6 @@ evenly over all recordings are kept.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import reduce
 import math
 
@@ -19,13 +18,11 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.recordings import joint_samples, sources
-from friction_comp.recordings.scan import Scan
-from friction_comp.recordings.sources import Progress
+from friction_comp.recordings.sources import Progress, Recording
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.samples import RecordingInfo, Samples
 from friction_comp.statistics import evenly_spread
 from friction_comp.tables.columns import Layout
-from friction_comp.tables.table_recording import TableRecording
 
 LIMIT = 400_000
 """Most samples of one fit: about 600 MB of working memory, ten times most recordings."""
@@ -74,27 +71,32 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
                              torque_per_current: float = 1.0, progress: Progress | None = None,
                              layout: Layout | None = None, others: bool = True
                              ) -> list[tuple[Samples, RecordingInfo]]:
-    """Read recordings as `read_recording` does, each with its `RecordingInfo`.
+    """Return what `read_recording` does, with information on each recording.
 
-    `torque_per_current` is k_t · n in N·m/A. The motion of all joints is added as `arm` unless
-    `others` is false.
+    `torque_per_current` is k_t · n in N·m/A. Without `others`, only the joint itself is read.
     """
     return joint_samples.number_recordings(
-        _read_joint(scan, joint, torque_per_current, others)
-        for scan in _scan_all(paths, progress, joint, layout, others))
+        _read_joint(recording, joint, torque_per_current, others)
+        for recording in _open_all(paths, progress, joint, layout))
 
 
-def _read_joint(scan: Scan | TableRecording, joint: str | None, torque_per_current: float,
-                others: bool) -> tuple[Samples, RecordingInfo]:
-    scan, joint = scan.chosen(joint)
-    samples, info = joint_samples.to_samples(scan, joint, torque_per_current)
-    if others and len(scan.joints) > 1:
-        joints = joint_samples.usable_joints(scan, lambda joint: 1.0)
+def _open_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joint: str | None,
+              layout: Layout | None) -> Iterator[Recording]:
+    """Yield each recording, and report the progress of all."""
+    recordings = sources.find_recordings(paths)
+    for index, path in enumerate(recordings):
+        report = sources.part_of(progress, index, len(recordings))
+        yield sources.open_recording(path, joint, layout, report)
+        report(1.0)
+
+
+def _read_joint(recording: Recording, joint: str | None, torque_per_current: float,
+                others: bool = True) -> tuple[Samples, RecordingInfo]:
+    samples, info = joint_samples.to_samples(recording, joint, torque_per_current)
+    names = recording.siblings(joint) if others else []
+    if len(names) > 1:
         samples = samples.with_(arm=joint_samples.joint_states_at(
-            samples, info, joint_samples.without_copies(joints, info)))
-        idle = joint_samples.moved_without_effort(scan, joints)
-        info.notes += [f'the motion of {", ".join(idle)} is left out: no effort belongs to it'] \
-            if idle else []
+            samples, info, joint_samples.usable_joints(recording, names, lambda joint: 1.0)))
     return samples, info
 
 
@@ -108,12 +110,12 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     all joints as `arm`. Raises InputError if a recording cannot be used, or their joints differ.
     """
     result: dict[str, list[tuple[Samples, RecordingInfo]]] = {}
-    for index, scan in enumerate(_scan_all(paths, progress, None, layout)):
-        joints = joint_samples.usable_joints(scan, torque_per_current)
+    for index, recording in enumerate(_open_all(paths, progress, None, layout)):
+        joints = joint_samples.usable_joints(recording, recording.joints, torque_per_current)
         if result and set(joints) != set(result):
             name = sorted(set(joints) ^ set(result))[0]
-            raise InputError(f'{scan.path}: joint {name!r} is not in all recordings: an arm needs '
-                             'the same joints in each')
+            raise InputError(f'{recording.path}: joint {name!r} is not in all recordings: an arm '
+                             'needs the same joints in each')
         for name, (samples, info) in joints.items():
             samples = samples.with_(recording=np.full(len(samples), index),
                                     arm=joint_samples.joint_states_at(samples, info, joints))
@@ -128,56 +130,22 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
     `current` is the effort in N·m, as with k_t = n = 1; the information is that of the first joint,
     with the notes on all. Raises InputError if the recording or a joint cannot be used.
     """
-    scan, = _scan_all(sources.find_recording(path), progress, joint, layout)
-    scan, joint = scan.chosen(joint)
+    recording, = _open_all(sources.find_recording(path), progress, joint, layout)
     notes: list[str] = []
-    read = ([joint_samples.to_samples(scan, joint, 1.0)] if joint is not None else
-            [*joint_samples.usable_joints(scan, lambda joint: 1.0, notes).values()])
+    read = ([joint_samples.to_samples(recording, joint, 1.0)] if joint is not None else
+            [*joint_samples.usable_joints(recording, recording.joints, lambda joint: 1.0, notes
+                                          ).values()])
     first = read[0][1]
     # In µs since the first joint's start: joints of several topics may begin at different times.
     times = [np.round(1e6 * (samples.time + (info.start - first.start))) for samples, info in read]
     common = reduce(np.intersect1d, times)
     if not len(common):
-        raise InputError(f'{path}: the joints {", ".join(scan.joints)} never have values together')
+        raise InputError(f'{path}: the joints {", ".join(recording.joints)} never have values '
+                         'together')
     joints = [samples.take(np.searchsorted(time, common))
               for (samples, _), time in zip(read, times)]
     first.notes = list(dict.fromkeys([*notes, *(note for _, info in read for note in info.notes)]))
     return [samples.with_(time=joints[0].time) for samples in joints], first
-
-
-def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joint: str | None,
-              layout: Layout | None, others: bool = True) -> Iterator[Scan | TableRecording]:
-    """Yield each recording, and report the progress of all."""
-    recordings = sources.find_recordings(paths)
-    for index, path in enumerate(recordings):
-        report = sources.part_of(progress, index, len(recordings))
-        yield sources.open_recording(path, joint, layout and layout.of_recording(
-            index, len(recordings)), others, report)
-        report(1.0)
-
-
-@dataclass(frozen=True)
-class Averaging:
-    """Averaging over `length` samples at a time, after which a share of all pieces is kept."""
-
-    length: int = 1
-    share: float = 1.0
-
-    def apply(self, samples: Samples) -> Samples:
-        """Return the averages of samples that are kept."""
-        samples = samples.averaged(self.length)
-        if self.share >= 1.0 or not len(samples):
-            return samples
-        piece = np.floor(samples.time / _PIECE) + 7919 * samples.recording
-        return samples.take(evenly_spread(piece) < self.share)
-
-    def __str__(self) -> str:
-        share = f'{100 * self.share:.3g} %'
-        if self.length == 1:
-            return f'the recordings are long: {share} of their samples were kept'
-        kept = f', and {share} of them kept' if self.share < 1.0 else ''
-        return (f'{self.length} samples at a time were averaged{kept}: the recordings are long; '
-                'errors are those of the averages')
 
 
 def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
@@ -191,30 +159,26 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     recordings = sources.find_recordings(paths)
     sizes = [sources.size_of(path) for path in recordings]
     read: dict[int, tuple[Samples, RecordingInfo]] = {}
-    averaging = None
+    length, share = 0, 1.0
     # By the largest one, it is known how many samples there are.
     for done, index in enumerate(sorted(range(len(sizes)), key=lambda k: -sizes[k])):
-        own = layout and layout.of_recording(index, len(recordings))
-        scan = sources.open_recording(recordings[index], joint, own, True, sources.part_of(
-            progress, done, len(recordings)))
-        samples, info = _read_joint(scan, joint, torque_per_current, True)
-        if averaging is None:
-            averaging = _averaging(samples, len(samples) * sum(sizes) / max(sizes[index], 1), limit)
-        kept = averaging.apply(samples.with_(recording=np.full(len(samples), index)))
+        samples, info = _read_joint(
+            sources.open_recording(recordings[index], joint, layout, sources.part_of(
+                progress, done, len(recordings))), joint, torque_per_current)
+        if not length:
+            total = len(samples) * sum(sizes) / max(sizes[index], 1)
+            longest = max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
+            length = min(max(math.ceil(total / limit), 1), longest)
+            share = min(1.0, limit * length / max(total, 1))
+        kept = samples.with_(recording=np.full(len(samples), index)).averaged(length)
+        kept = kept.take(evenly_spread(np.floor(kept.time / _PIECE) + 7919 * index) < share)
         if not len(kept):
             raise InputError(f'{info.path}: has too few samples of joint {info.joint!r}')
-        if averaging != Averaging():
+        if len(kept) < len(samples):
             info.stamps = info.rows = None
         read[index] = kept, info
-    if averaging != Averaging():
-        read[0][1].notes.append(str(averaging))
+    averaged = f'{length} samples at a time were averaged' * (length > 1)
+    if said := averaged + ', and ' * bool(averaged and share < 1.0) + (
+            f'{100.0 * share:.3g} % of them were kept' * (share < 1.0)):
+        read[0][1].notes.append(f'the recordings are long: {said}')
     return joint_samples.number_recordings(read[index] for index in range(len(recordings)))
-
-
-def _averaging(samples: Samples, total: float, limit: int) -> Averaging:
-    """Return how about `limit` samples are made of a `total` of samples like these."""
-    if total <= limit:
-        return Averaging()
-    longest = max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
-    length = min(math.ceil(total / limit), longest)
-    return Averaging(length, min(1.0, limit * length / total))

@@ -1,12 +1,12 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Raw contents of a recording as arrays, and their reader for rosbag2 recordings."""
+"""Raw contents of a bag as arrays: a track for each topic, and what a compensator reported."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing, ExitStack
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 import math
 from pathlib import Path
@@ -14,10 +14,11 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.checks import one_of
+from friction_comp.errors import InputError, os_errors_name
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
-from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
+from friction_comp.recordings.storage import Storage, unpack
 from friction_comp.stamps import NANO
-from friction_comp.statistics import evenly_spread
 from friction_comp.tables.columns import STATES
 from friction_comp.tables.units import Unit
 from friction_comp.topics import TOPICS, TORQUE_UNIT
@@ -35,14 +36,13 @@ _EFFORT, _CURRENT, _TEMPERATURE = 2, 3, 4
 # Message type of each signal that is read, and those without joint names.
 _TYPES = {**TOPICS, _DYNAMIC: 'control_msgs/msg/DynamicJointState'}
 _ARRAYS = ('current_command', 'direction')
-MOST_NAMES = 200
-"""Most joints, or values of a joint, in one message: a corrupt one could fill the memory."""
-# Messages that are decoded at once; most numbers of one topic that are kept, and the length of the
-# stretches that are kept or left out if there are more, ns.
-_BATCH, _MOST, _STRETCH = 20_000, 50_000_000, 10 * NANO
+# Most joints, or values of a joint, in one message: a corrupt one could fill the memory.
+_MOST_NAMES = 200
+# Messages that are turned into arrays at once, and most numbers of one topic that are kept.
+_BATCH, _MOST = 20_000, 50_000_000
 
 
-def message_types() -> Typestore:
+def _message_types() -> Typestore:
     """Return the message types of ROS 2, and that of dynamic joint states."""
     # A table needs none of them.
     from rosbags.typesys import get_types_from_msg, get_typestore, Stores
@@ -65,44 +65,12 @@ class Track:
     signal: str
     receive: np.ndarray  # (N,) of int64: ns
     stamp: np.ndarray  # (N,) of int64: ns, 0 throughout where the message has none
-    order: np.ndarray  # (N,) of int64: index of each message among all that were read
     names: list[str]  # all joints or frames in the messages
     # JointState: by joint, arrays (N, 3) of position, velocity and effort, NaN where a message has
     # none. DynamicJointState: (N, 5), also current and temperature. Wrench and temperature: by
     # frame, arrays (N, 1). Float64MultiArray and Int8MultiArray: an array (N, J) with the key '',
-    # or `TORQUE_UNIT` for commands in N·m, NaN in messages of the other unit. If one joint was
-    # selected, only values that may belong to it.
+    # or `TORQUE_UNIT` for commands in N·m, NaN in messages of the other unit.
     values: dict[str, np.ndarray]
-
-    def __len__(self) -> int:
-        return len(self.receive)
-
-    def take(self, index: slice | np.ndarray) -> Track:
-        """Return the selected messages."""
-        return Track(self.topic, self.signal, self.receive[index], self.stamp[index],
-                     self.order[index], self.names,
-                     {key: value[index] for key, value in self.values.items()})
-
-    @staticmethod
-    def concatenate(parts: Sequence[Track]) -> Track:
-        """Concatenate parts of one topic, and empty their `values` to save memory."""
-        first = parts[0]
-        if len(parts) == 1:
-            return first
-        starts = np.cumsum([0, *map(len, parts)])
-        values = {}
-        for key in dict.fromkeys(key for part in parts for key in part.values):
-            width = max(part.values[key].shape[1] for part in parts if key in part.values)
-            values[key] = np.full((starts[-1], width), np.nan)
-            for start, part in zip(starts, parts):
-                if key in part.values:
-                    own = part.values.pop(key)
-                    values[key][start:start + len(own), :own.shape[1]] = own
-        return Track(
-            first.topic, first.signal, np.concatenate([part.receive for part in parts]),
-            np.concatenate([part.stamp for part in parts]),
-            np.concatenate([part.order for part in parts]),
-            list(dict.fromkeys(name for part in parts for name in part.names)), values)
 
 
 @dataclass
@@ -118,44 +86,61 @@ class Scan:
     effort_is_current: bool = False        # whether efforts are in A, as tables may declare
     linear: bool = False                   # whether positions are in m and efforts in N
 
-    def of(self, signal: str) -> list[Track]:
-        """Return the tracks of a signal: those of topics with exactly its name, otherwise all."""
+    def of(self, signal: str, topic: str = '') -> list[Track]:
+        """Return the tracks of a signal: those of topics with exactly its name, otherwise all.
+
+        Those in the namespace of a `topic` go before another robot's.
+        """
         tracks = [track for track in self.tracks if track.signal == signal]
         exact = [t for t in tracks if t.topic.rsplit('/', 1)[-1] == signal]
-        return exact or tracks
-
-    def around(self, topic: str) -> Scan:
-        """Return a scan in which signals in the namespace of a topic go before another robot's."""
         namespace = topic.rpartition('/')[0] + '/'
-        return replace(self, tracks=sorted(
-            self.tracks, key=lambda track: not track.topic.startswith(namespace)))
+        return sorted(exact or tracks, key=lambda track: not track.topic.startswith(namespace))
 
-    def chosen(self, joint: str | None) -> tuple[Scan, str | None]:
-        """Return the scan of the topic of a joint given as /TOPIC/NAME, and the joint's name.
+    @property
+    def _places(self) -> dict[str, tuple[Track, str]]:
+        """Track and name of each joint by what it may be called: /TOPIC/NAME, or its name alone.
 
-        Both may contain slashes: a joint of that very name goes first, then the longest topic.
+        The latter goes first, if no other topic has it.
         """
-        fit = [track.topic for track in self.tracks if track.signal == 'joint_states'
-               and joint is not None and joint.startswith(f'{track.topic}/')]
-        if joint is None or joint in self.joints or not fit:
-            return self, joint
-        topic = max(fit, key=len)
-        return replace(self, tracks=[track for track in self.tracks if track.topic == topic
-                                     or track.signal != 'joint_states']), joint[len(topic) + 1:]
+        found = [(track, name) for track in self.of('joint_states') for name in track.names]
+        count = Counter(name for _, name in found)
+        return {**{f'{track.topic}/{name}': (track, name) for track, name in found},
+                **{name: (track, name) for track, name in found if count[name] == 1}}
 
     @property
     def joints(self) -> list[str]:
-        """Names of all joints in the joint states."""
-        return list(dict.fromkeys(n for track in self.of('joint_states') for n in track.names))
+        """Joints as a user may name them: as /TOPIC/NAME where several topics hold the name."""
+        places, states = self._places, self.of('joint_states')
+        return [name if name in places and places[name][0] is track else f'{track.topic}/{name}'
+                for track in states for name in track.names]
 
-    @property
-    def choices(self) -> list[str]:
-        """All joints as a user may name them: as /TOPIC/NAME where several topics hold the name."""
-        tracks = self.of('joint_states')
-        count = Counter(name for track in tracks for name in set(track.names))
-        return list(dict.fromkeys(
-            f'{track.topic}/{name}' if count[name] > 1 else name
-            for track in tracks for name in track.names))
+    def find(self, joint: str | None) -> tuple[Track, str]:
+        """Return the track of a joint, the only one by default, and its name there.
+
+        Raises InputError with the choices if it is not clear.
+        """
+        wanted = TOPICS['joint_states']
+        kinds = {topic: kind for topic, (kind, _) in self.topics.items()}
+        if not self.of('joint_states'):
+            if any(signal_of(topic, kind) == 'joint_states' for topic, kind in kinds.items()):
+                raise InputError(f'{self.path}: its joint_states contain no message')
+            states = ', '.join(sorted(topic for topic, kind in kinds.items() if kind == wanted))
+            raise InputError(f'{self.path}: no joint_states of type {wanted} in it ' + (
+                f'(of that type are {states}: name one, with its joint, as --joint /TOPIC/NAME)'
+                if states else f'(topics: {", ".join(sorted(kinds)) or "none"})'))
+        joints, places = self.joints, self._places
+        if not joints:
+            raise InputError(f'{self.path}: joint_states names no joint')
+        # A single joint may have no name in the recording.
+        if joints != [''] and joint not in places:
+            joint = one_of(joints, joint, self.path)
+        return places['' if joints == [''] else joint or '']
+
+    def siblings(self, joint: str | None) -> list[str]:
+        """Return the joints of an arm: of a joint's topic, and of others with other names."""
+        own, _ = self.find(joint)
+        return [name for name, (track, plain) in zip(self.joints, map(self.find, self.joints))
+                if track is own or plain not in own.names]
 
     @property
     def model(self) -> str | None:
@@ -166,114 +151,58 @@ class Scan:
 
 def signal_of(topic: str, type_name: str) -> str | None:
     """Return the signal of a topic, found by its type and the ending of its name, or None."""
-    for signal, wanted in _TYPES.items():
-        if type_name == wanted and topic.endswith(signal):
-            return signal
-    return None
+    return next((signal for signal, wanted in _TYPES.items()
+                 if type_name == wanted and topic.endswith(signal)), None)
 
 
-def _content(message: Any) -> tuple[tuple[str, ...], np.ndarray]:
-    """Return the joints or frames of a message, and a row of values for each, as in a `Track`."""
-    if hasattr(message, 'data'):
-        labels = [dimension.label for dimension in message.layout.dim[1:2]]
-        return (TORQUE_UNIT if labels == [TORQUE_UNIT] else '',), message.data[None].astype(float)
-    if hasattr(message, 'wrench'):
-        return (message.header.frame_id,), np.array([[message.wrench.torque.z]])
-    if hasattr(message, 'temperature'):
-        return (message.header.frame_id,), np.array([[message.temperature]])
-    if hasattr(message, 'interface_values'):
-        rows = np.full((len(message.joint_names), len(set(_INTERFACES.values()))), np.nan)
-        for row, own in zip(rows, message.interface_values):
-            for name, value in zip(own.interface_names, own.values):
-                if name in _INTERFACES:
-                    row[_INTERFACES[name]] = value
-        return tuple(message.joint_names), rows
-    # A single joint may have no name.
-    names = tuple(message.name) or ('',) * min(len(message.position), 1)
-    rows = np.full((len(names), 3), np.nan)
-    for column, values in enumerate((message.position, message.velocity, message.effort)):
-        rows[:len(values), column] = values[:len(names)]
-    return names, rows
-
-
-def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]:
-    """Replace joint states without effort by dynamic ones.
-
-    Returns the tracks, whether efforts are currents in A, and notes.
-    """
-    usual = [track for track in tracks if track.signal != _DYNAMIC]
-    dynamic = [track for track in tracks if track.signal == _DYNAMIC]
-    known = any(np.isfinite(values[:, 2]).any() for track in usual
-                if track.signal == 'joint_states' for values in track.values.values())
-    if not dynamic or known:
-        return usual, False, []
-    in_ampere = not any(np.isfinite(values[:, _EFFORT]).any() for track in dynamic
-                        for values in track.values.values())
-    effort = _CURRENT if in_ampere else _EFFORT
-    kept = [track for track in usual if track.signal != 'joint_states']
-    for track in dynamic:
-        # Sensors, too, have interfaces.
-        moving = {joint: values[:, [0, 1, effort]] for joint, values in track.values.items()
-                  if np.isfinite(values[:, 0]).any()}
-        kept.append(replace(track, signal='joint_states', names=[*moving], values=moving))
-        warm = {joint: values[:, [_TEMPERATURE]] for joint, values in track.values.items()
-                if np.isfinite(values[:, _TEMPERATURE]).any()}
-        if warm and not any(one.signal == 'motor_temperature' for one in usual):
-            kept.append(replace(track, topic=f'{track.topic}, temperature',
-                                signal='motor_temperature', values=warm))
-    return kept, in_ampere, [f'{dynamic[0].topic} is used, since no joint_states hold an effort']
-
-
-def read_bag(path: Path, joint: str | None = None, others: bool = True,
-             units: Mapping[str, Unit] | None = None,
+def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | None = None,
              progress: Callable[[float], None] = lambda share: None,
              first: float = math.inf) -> Scan:
-    """Return what a bag holds of all joints, or of `joint` and, if wanted, the `others`.
+    """Return what a bag holds; `joint` may name a topic of joint states of any name.
 
-    Only the beginning is read until there are `first` joint states. Of a very long recording, only
-    stretches evenly spread over it are kept. Raises InputError if it cannot be read.
+    Only the beginning is read until there are `first` joint states, or more than the memory takes.
+    Raises InputError if it cannot be read.
     """
     def signal(topic: str, kind: str) -> str | None:
         # Joint states may have any name if the user gives it.
         named = kind == TOPICS['joint_states'] and (joint or '').startswith(f'{topic}/')
         return signal_of(topic, kind) or ('joint_states' if named else None)
 
-    types, readers, activity = message_types(), dict[str, _TopicReader](), ActivityLog()
-    share, begin = 1.0, 0
-    with unreadable_on_error(path), ExitStack() as stack:
+    types, readers, activity, begin = _message_types(), dict[str, _Reader](), ActivityLog(), 0
+    notes: list[str] = []
+    with os_errors_name(path, 'cannot be read: '):
         storage = Storage(path)
-        messages = stack.enter_context(closing(storage.messages(
-            lambda topic, kind: kind == DIAGNOSTICS or signal(topic, kind) is not None)))
-        for index, (topic, kind, receive, raw) in enumerate(messages):
-            begin = begin or receive
-            if share < 1.0 and evenly_spread(receive // _STRETCH) >= share:
-                continue
-            reader = readers.get(topic)
-            if reader is None:
-                reader = readers[topic] = _TopicReader(
-                    topic, kind, signal(topic, kind) or '', None if others else joint, types)
-            try:
-                if kind == DIAGNOSTICS:
-                    activity.add(receive, types.deserialize_cdr(unpack(raw), kind), begin)
-                else:
-                    reader.add(receive, index, unpack(raw))
-            # A broken message may raise anything.
-            except Exception:
-                reader.broken += 1
-            if reader.waiting >= _BATCH:
-                reader.decode()
-                progress(storage.progress)
-                if storage.progress > 0.01:
-                    share = min(share, _MOST * storage.progress / max(reader.values, 1))
-            if reader.signal in ('joint_states', _DYNAMIC) and reader.count >= first:
-                break
-    tracks, in_ampere, notes = _with_effort([
+        with closing(storage.messages(
+                lambda topic, kind: kind == DIAGNOSTICS or signal(topic, kind) is not None)
+        ) as messages:
+            for topic, kind, receive, raw in messages:
+                begin = begin or receive
+                if topic not in readers:
+                    readers[topic] = _Reader(topic, signal(topic, kind) or '')
+                reader = readers[topic]
+                try:
+                    message = types.deserialize_cdr(unpack(raw), kind)
+                    if kind == DIAGNOSTICS:
+                        activity.add(receive, message, begin)
+                    else:
+                        reader.add(receive, message)
+                # A broken message may raise anything.
+                except Exception:
+                    reader.broken += 1
+                if reader.waiting >= _BATCH:
+                    reader.decode()
+                    progress(storage.progress)
+                    if reader.numbers > _MOST:
+                        notes.append('the recording is very long: only its first '
+                                     f'{(receive - begin) / NANO:.0f} s were read')
+                        break
+                if reader.signal in ('joint_states', _DYNAMIC) and reader.count >= first:
+                    break
+    tracks, in_ampere, noted = _with_effort([
         track for reader in readers.values() if (track := reader.track()) is not None])
-    notes += [f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
-              f'{MOST_NAMES} joints' for reader in readers.values() if reader.broken]
-    if share < 1.0:
-        notes.append(f'the recording is very long: {100.0 * share:.3g} % of it were read, in '
-                     f'stretches of {_STRETCH / NANO:g} s')
+    notes += noted + [
+        f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
+        f'{_MOST_NAMES} joints' for reader in readers.values() if reader.broken]
     dimensions = {unit.dimension for unit in (units or {}).values()}
     return Scan(
         path, [_in_si(track, units or {}) for track in tracks], storage.topics,
@@ -290,99 +219,107 @@ def _in_si(track: Track, units: Mapping[str, Unit]) -> Track:
         joint: values[:, :len(factors)] * factors for joint, values in track.values.items()})
 
 
-class _TopicReader:
-    def __init__(self, topic: str, kind: str, signal: str, joint: str | None,
-                 types: Typestore) -> None:
+def _content(message: Any) -> tuple[Sequence[str], Any]:
+    """Return the joints or frames of a message, and columns of values: one of each, or fewer."""
+    if hasattr(message, 'data'):
+        labels = [dimension.label for dimension in message.layout.dim[1:2]]
+        return [TORQUE_UNIT if labels == [TORQUE_UNIT] else ''], message.data[:, None]
+    if hasattr(message, 'wrench'):
+        return [message.header.frame_id], [[message.wrench.torque.z]]
+    if hasattr(message, 'temperature'):
+        return [message.header.frame_id], [[message.temperature]]
+    if hasattr(message, 'interface_values'):
+        rows = np.full((len(message.joint_names), len(set(_INTERFACES.values()))), np.nan)
+        for row, own in zip(rows, message.interface_values):
+            for name, value in zip(own.interface_names, own.values):
+                if name in _INTERFACES:
+                    row[_INTERFACES[name]] = value
+        return message.joint_names, rows.T
+    # A single joint may have no name.
+    return message.name or [''] * min(len(message.position), 1), (
+        message.position, message.velocity, message.effort)
+
+
+class _Reader:
+    """Collects the messages of a topic."""
+
+    def __init__(self, topic: str, signal: str) -> None:
         self.topic, self.signal = topic, signal
         # Messages, those that wait to be decoded and without sense, and numbers that were decoded.
-        self.count = self.waiting = self.broken = self.values = 0
-        self._kind, self._joint, self._types = kind, joint, types
-        # Times of receipt and stamps in ns, index and rows of messages that hold the same names.
-        self._rows: dict[Any, list[tuple[int, int, int, np.ndarray]]] = {}
-        self._states: list[_States] = []
-        self._tracks: list[Track] = []
+        self.count = self.waiting = self.broken = self.numbers = 0
+        # Times of receipt, stamps and columns of messages with the same names and lengths.
+        self._rows: dict[Any, list[tuple[Any, ...]]] = {}
+        # Index of the messages, their times, and values by name.
+        self._parts: list[tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]] = []
 
-    def add(self, receive: int, index: int, raw: bytes) -> None:
+    def add(self, receive: int, message: Any) -> None:
         """Add a message, received at a time in ns; raises an error if it makes no sense."""
+        names, columns = _content(message)
+        shape = *names, *map(len, columns)
+        if len(names) > _MOST_NAMES or len(columns) > _MOST_NAMES:
+            raise ValueError
+        stamp = message.header.stamp if hasattr(message, 'header') else None
+        self._rows.setdefault((len(names), shape), []).append((
+            self.count, receive, stamp.sec * NANO + stamp.nanosec if stamp else 0, *columns))
         self.waiting += 1
         self.count += 1
-        if self._states and self._states[-1].add(receive, index, raw):
-            return
-        message: Any = self._types.deserialize_cdr(raw, self._kind)
-        names, rows = _content(message)
-        if max(rows.shape) > MOST_NAMES:
-            raise ValueError
-        if self._kind == TOPICS['joint_states']:
-            self._states.append(_States(names, message, raw))
-            self._states[-1].add(receive, index, raw)
-            return
-        stamp = message.header.stamp if hasattr(message, 'header') else None
-        self._rows.setdefault((names, rows.shape), []).append((
-            receive, stamp.sec * NANO + stamp.nanosec if stamp else 0, index, rows))
 
     def decode(self) -> None:
-        """Decode the messages that wait, and release them."""
-        parts = [self._part(names, *map(np.array, zip(*messages)))
-                 for (names, _), messages in self._rows.items()]
-        parts += [self._part(states.names, *states.decoded()) for states in self._states]
-        self._rows, self._states, self.waiting = {}, [], 0
-        if parts:
-            track = Track.concatenate(parts)
-            self._tracks.append(track if len(parts) == 1 else track.take(np.argsort(track.order)))
-            self.values += sum(values.size for values in self._tracks[-1].values.values())
+        """Turn the messages that wait into arrays, and release them."""
+        for (count, shape), messages in self._rows.items():
+            index, receive, stamp, *columns = zip(*messages)
+            rows = np.full((len(index), count, len(columns)), np.nan)
+            for k, column in enumerate(columns):
+                values = np.array(column)[:, :count]
+                rows[:, :values.shape[1], k] = values
+            self.numbers += rows.size
+            self._parts.append((np.array(index), np.array([receive, stamp]), {
+                name: rows[:, k] for k, name in enumerate(shape[:count])}))
+        self._rows, self.waiting = {}, 0
 
     def track(self) -> Track | None:
         """Return all messages; None if there are none."""
         self.decode()
-        return Track.concatenate(self._tracks) if self._tracks else None
+        if not self._parts:
+            return None
+        receive, stamp = np.empty((2, self.count), dtype=np.int64)
+        widths = Counter[str]()
+        for _, _, own in self._parts:
+            widths |= Counter({name: rows.shape[1] for name, rows in own.items()})
+        values = {name: np.full((self.count, width), np.nan) for name, width in widths.items()}
+        while self._parts:
+            index, times, own = self._parts.pop()
+            receive[index], stamp[index] = times
+            for name, rows in own.items():
+                values[name][index, :rows.shape[1]] = rows
+        names = [] if self.signal in _ARRAYS else [*widths]
+        return Track(self.topic, self.signal, receive, stamp, names, values)
 
-    def _part(self, names: tuple[str, ...], receive: np.ndarray, stamp: np.ndarray,
-              order: np.ndarray, rows: np.ndarray) -> Track:
-        return Track(self.topic, self.signal, receive, stamp, order,
-                     [] if self.signal in _ARRAYS else list(names), {
-                         name: rows[:, k].copy() for k, name in enumerate(names)
-                         if self._joint is None or self._joint.endswith(name)})
 
+def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]:
+    """Replace joint states without effort by dynamic ones.
 
-class _States:
-    """Successive JointStates that are laid out alike, decoded together.
-
-    They are most of a recording, and one by one would take four times as long.
+    Returns the tracks, whether efforts are currents in A, and notes.
     """
+    def known(track: Track, column: int) -> list[str]:
+        return [name for name, values in track.values.items()
+                if np.isfinite(values[:, column]).any()]
 
-    def __init__(self, names: tuple[str, ...], message: Any, raw: bytes) -> None:
-        self.names = names
-        self._messages: list[tuple[int, int, bytes]] = []
-        # After the stamp, each text has its length before it, each array its number of values.
-        at, self._places = 16 + len(message.header.frame_id.encode()) + 1, [slice(4, 12)]
-        at += -at % 4 + 4
-        for name in message.name:
-            at += -at % 4 + 4 + len(name.encode()) + 1
-        for values in (message.position, message.velocity, message.effort):
-            at += -at % 4 + 4
-            at += -(at - 4) % 8 if len(values) else 0
-            self._places.append(slice(at, at + 8 * len(values)))
-            at += 8 * len(values)
-        ends = [0, *(end for place in self._places for end in (place.start, place.stop)), len(raw)]
-        self._fixed = [slice(*pair) for pair in zip(ends[::2], ends[1::2])]
-        self._same = [raw[part] for part in self._fixed]
-
-    def add(self, receive: int, index: int, raw: bytes) -> bool:
-        """Add a message if all but its stamp and values is as in the first; return whether."""
-        alike = [raw[part] for part in self._fixed] == self._same
-        if alike:
-            self._messages.append((receive, index, raw))
-        return alike
-
-    def decoded(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return times of receipt and stamps in ns, indices, and rows, as in a `Track`."""
-        receive, order, payloads = zip(*self._messages)
-        block = np.frombuffer(b''.join(payloads), np.uint8).reshape(len(payloads), -1)
-        end = '<' if block[0, 1] else '>'
-        seconds, nanoseconds = (block[:, part].copy().view(end + kind)[:, 0].astype(np.int64)
-                                for part, kind in ((slice(4, 8), 'i4'), (slice(8, 12), 'u4')))
-        rows = np.full((len(payloads), len(self.names), 3), np.nan)
-        for column, place in enumerate(self._places[1:]):
-            values = block[:, place].copy().view(end + 'f8')[:, :len(self.names)]
-            rows[:, :values.shape[1], column] = values
-        return np.array(receive), seconds * NANO + nanoseconds, np.array(order), rows
+    usual = [track for track in tracks if track.signal != _DYNAMIC]
+    dynamic = [track for track in tracks if track.signal == _DYNAMIC]
+    if not dynamic or any(known(track, _EFFORT) for track in usual
+                          if track.signal == 'joint_states'):
+        return usual, False, []
+    in_ampere = not any(known(track, _EFFORT) for track in dynamic)
+    kept = [track for track in usual if track.signal != 'joint_states']
+    for track in dynamic:
+        # Sensors, too, have interfaces.
+        moving = known(track, 0)
+        kept.append(replace(track, signal='joint_states', names=moving, values={
+            name: track.values[name][:, [0, 1, _CURRENT if in_ampere else _EFFORT]]
+            for name in moving}))
+        if warm := known(track, _TEMPERATURE):
+            kept.append(replace(
+                track, topic=f'{track.topic}, temperature', signal='motor_temperature',
+                values={name: track.values[name][:, [_TEMPERATURE]] for name in warm}))
+    return kept, in_ampere, [f'{dynamic[0].topic} is used, since no joint_states hold an effort']

@@ -12,17 +12,21 @@ from pathlib import Path
 
 from friction_comp.errors import InputError, os_errors_name
 from friction_comp.recordings.scan import read_bag, Scan
-from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
-from friction_comp.tables.columns import Layout, STATES
+from friction_comp.recordings.storage import AnyPath, is_storage, METADATA
+from friction_comp.tables.columns import Layout
 from friction_comp.tables.table_files import is_table, parts_of, TABLES
 from friction_comp.tables.table_recording import TableRecording
 
 Progress = Callable[[float], None]
+Recording = Scan | TableRecording
+"""A bag or a table: its joints, those moved with one, and the samples of one."""
 
 # Number of messages in which each joint occurs at least once, even with several publishers.
 _FIRST_MESSAGES = 200
-# Files of spreadsheets, which hold several sheets, formulas and notes.
-_WORKBOOKS = ('.xlsx', '.xlsm', '.xls', '.ods')
+# What to do with other files: sheets have formulas and notes, and bags of ROS 1 other messages.
+_WORKBOOK = 'a workbook: save its sheet as CSV, and give that file'
+_OTHERS = {**dict.fromkeys(('.xlsx', '.xlsm', '.xls', '.ods'), _WORKBOOK),
+           '.bag': 'a bag of ROS 1: rosbags-convert --src {} --dst {}'}
 
 
 def part_of(progress: Progress | None, index: int, count: int) -> Progress:
@@ -47,13 +51,10 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
                 raise InputError(f'{path}: no such file or folder')
             recordings = list(_expand(path))
         if not recordings:
-            kind = 'not a recording (a rosbag2 folder, an .mcap file or a table is needed: ' \
-                f'{", ".join(TABLES)})'
-            if path.is_dir():
-                kind = 'no recording in this folder' + _tables_in(path)
-            elif path.suffix.lower() in _WORKBOOKS:
-                kind = 'a workbook: save its sheet as CSV, and give that file'
-            raise InputError(f'{path}: {kind}')
+            kind = 'no recording in this folder; tables must be named' if path.is_dir() else (
+                _OTHERS.get(path.suffix.lower(), 'not a recording (a rosbag2 folder, an .mcap file '
+                            f'or a table is needed: {", ".join(TABLES)})'))
+            raise InputError(f'{path}: {kind.format(path, path.with_suffix(""))}')
         for recording in recordings:
             unique.setdefault(recording.resolve(), recording)
     if not unique:
@@ -75,23 +76,13 @@ def size_of(path: Path) -> int:
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
-def _tables_in(folder: Path) -> str:
-    table = next((file for file in sorted(folder.rglob('*'))
-                  if is_table(file) and file.is_file()), None)
-    if table is None:
-        return ''
-    depth = len(table.relative_to(folder).parts) - 1
-    pattern = folder.joinpath(*['*'] * depth, f'*{table.suffix}')
-    return f'; tables must be named, for instance with {pattern}'
-
-
 def _expand(path: Path) -> Iterator[Path]:
     if all(part.is_file() for part in parts_of(path)):
         if is_storage(path) or is_table(path):
             yield path
     elif not path.is_dir():
         raise InputError(f'{path}: not a regular file')
-    elif (path / METADATA).is_file() or is_split_recording(path):
+    elif (path / METADATA).is_file():
         yield path
     else:
         for child in sorted(path.iterdir()):
@@ -102,9 +93,8 @@ def _expand(path: Path) -> Iterator[Path]:
 
 
 def open_recording(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
-                   others: bool = True, progress: Progress | None = None, first: float = math.inf
-                   ) -> Scan | TableRecording:
-    """Return a bag's content or a table: of all joints or `joint`, with `others` if wanted.
+                   progress: Progress | None = None, first: float = math.inf) -> Recording:
+    """Return a bag's content or a table; `joint` may name a topic of joint states of any name.
 
     Of a bag, only the beginning is read until there are `first` joint states.
     """
@@ -113,26 +103,19 @@ def open_recording(path: AnyPath, joint: str | None = None, layout: Layout | Non
         return TableRecording(path, layout)
     layout = layout or Layout()
     units = layout.of_states
-    if (layout.columns or layout.units or layout.rate) and not units:
-        if {*layout.units} <= {*STATES} and not (
-                layout.columns or layout.rate or layout.stiffness):
-            raise InputError(f'{path}: joint states have effort in N·m, N or A, not in '
-                             f'{layout.units["effort"]}; the unit alone, as in refine --unit V, '
-                             'is that of the figures')
-        raise InputError(f'{path}: --columns, --rate, and units of other signals than position, '
-                         'velocity and effort describe tables, and this is none')
-    if layout.stiffness:
-        raise InputError(f'{path}: --stiffness and --damping need a table: convert the recording '
-                         'with the tool convert')
-    return read_bag(path, joint, others, units, progress or (lambda share: None), first)
+    if (layout.columns or layout.units or layout.rate or layout.stiffness) and not units:
+        raise InputError(f'{path}: --columns, --rate, --stiffness, and units of other signals than '
+                         'position, velocity and effort, which is in N·m, N or A, describe tables, '
+                         'and this is none: the tool convert makes one')
+    return read_bag(path, joint, units, progress or (lambda share: None), first)
 
 
 def without_topic(path: AnyPath, joint: str | None) -> str | None:
     """Return the name of a recording's joint that may be given as /TOPIC/NAME."""
-    path = Path(path)
-    if not (joint or '').startswith('/') or (is_table(path) and not path.is_dir()):
+    if not (joint or '').startswith('/'):
         return joint
-    return read_bag(path, joint, first=_FIRST_MESSAGES).chosen(joint)[1]
+    recording = open_recording(path, joint, first=_FIRST_MESSAGES)
+    return joint if isinstance(recording, TableRecording) else recording.find(joint)[1]
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
@@ -141,7 +124,8 @@ def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     Those in several topics are /TOPIC/NAME. If the layout names the columns of one joint, it is
     that joint only. Raises InputError if the recording cannot be read.
     """
-    return open_recording(path, layout=layout, first=_FIRST_MESSAGES).choices
+    recording = open_recording(path, layout=layout, first=_FIRST_MESSAGES)
+    return recording.joints if isinstance(recording, Scan) else recording.choices
 
 
 @dataclass(frozen=True)
@@ -164,13 +148,11 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
     """
     pieces: list[Piece] = []
     failures: list[str] = []
-    found = find_recordings([Path(path) for path in paths])
-    for index, path in enumerate(found):
-        own = layout and layout.of_recording(index, len(found))
+    for path in find_recordings([Path(path) for path in paths]):
         try:
-            names = [joint] if joint is not None else recorded_joints(path, own) or ['']
+            names = [joint] if joint is not None else recorded_joints(path, layout) or ['']
         except InputError as error:
             failures.append(str(error))
         else:
-            pieces.extend(Piece(path, name or None, own) for name in names)
+            pieces.extend(Piece(path, name or None, layout) for name in names)
     return pieces, failures

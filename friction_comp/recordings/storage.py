@@ -1,30 +1,24 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The files of a bag: mcap, sqlite3 or ROS 1, and the messages in them, in the order of the files.
+"""The files of a bag, mcap or sqlite3, and the messages in them, in the order of the files.
 
 A file is read up to its end, or to the first part that is damaged or missing, and a note says so.
 """
 
 from __future__ import annotations
 
-from bz2 import BZ2Decompressor
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
-from contextlib import closing, contextmanager, suppress
-from io import BytesIO
+from contextlib import closing, suppress
 from os import PathLike
 from pathlib import Path, PurePath
 import re
 import sqlite3
-import struct
-from typing import Any, BinaryIO
+from typing import Any
 from urllib.parse import quote
-import zlib
 
-from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Metadata, Schema
+from mcap import records
+from mcap.stream_reader import breakup_chunk, StreamReader
 import zstandard
 
 from friction_comp.errors import InputError, one_line
@@ -35,11 +29,10 @@ AnyPath = str | PathLike[str]
 Message = tuple[str, str, int, bytes]
 Wanted = Callable[[str, str], bool]
 
-SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd', '.bag')
+SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 METADATA = 'metadata.yaml'
 _ZSTD = b'\x28\xb5\x2f\xfd'
 _MAGIC = b'\x89MCAP0\r\n'
-_RECORD, _MESSAGE = struct.Struct('<BQ'), struct.Struct('<HIQQ')
 # Largest chunk of messages and largest compressed message, bytes when unpacked.
 _LARGEST_CHUNK, _LARGEST_MESSAGE = 500_000_000, 1_000_000
 
@@ -47,13 +40,6 @@ _LARGEST_CHUNK, _LARGEST_MESSAGE = 500_000_000, 1_000_000
 def is_storage(path: Path) -> bool:
     """Return whether a file contains messages, judging by its name."""
     return path.name.endswith(SUFFIXES)
-
-
-def is_split_recording(folder: Path) -> bool:
-    """Return whether a folder without metadata contains files that rosbag2 named after it."""
-    pattern = re.compile(re.escape(folder.name) + r'_\d+\.(mcap|db3)(\.zstd)?')
-    files = [path.name for path in folder.iterdir() if is_storage(path)]
-    return bool(files) and all(pattern.fullmatch(name) for name in files)
 
 
 class Storage:
@@ -118,29 +104,26 @@ class Storage:
 
     def _list_files(self) -> list[Path]:
         """Return the files listed in the metadata, or else those in the folder."""
-        files = sorted((path for path in self.path.iterdir() if is_storage(path)),
-                       key=lambda path: natural_key(path.name))
-        listed = []
+        files = sorted(filter(is_storage, self.path.iterdir()), key=_by_numbers)
         try:
             about = read_yaml(self.path / METADATA, references=True)['rosbag2_bagfile_information']
             # Only the names, in this folder: metadata must not point outside of it.
             listed = [self.path / PurePath(name).name for name in about['relative_file_paths']]
             self.add_custom(about)
         except Exception as error:
-            why = 'damaged' if (self.path / METADATA).exists() else 'missing'
             if not files:
                 raise unreadable(self.path, f'{METADATA}: {one_line(error)}') from None
-            self.notes.append(f'{METADATA} is {why}: files are read in the order of their names')
-        missing = [path.name for path in listed if not path.is_file()]
+            self.notes.append(f'{METADATA} is damaged: files are read in the order of their names')
+            return files
         found = [path for path in listed if path.is_file()]
-        if missing and not found:
-            raise unreadable(self.path, f'{METADATA} lists {", ".join(missing)}, which is not here')
+        missing = ', '.join(path.name for path in listed if path not in found)
+        if not found:
+            raise unreadable(self.path, f'{METADATA} lists {missing or "a file"}, which is not '
+                             'here')
         if missing:
-            self.notes.append(f'{len(missing)} of its {len(listed)} files are missing: '
-                              f'{", ".join(missing)}')
-        if not found and not files:
-            raise unreadable(self.path, f'{METADATA} lists no file')
-        return found or files
+            self.notes.append(f'{len(listed) - len(found)} of its {len(listed)} files are missing: '
+                              f'{missing}')
+        return found
 
     def add_custom(self, metadata: Any) -> None:
         """Take over the texts in custom_data of rosbag2's metadata."""
@@ -153,85 +136,57 @@ class Storage:
 def _read_mcap(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
                ) -> Iterator[Message]:
     schemas: dict[int, str] = {}
-    # Topic and type by channel, and those of the channels that are wanted.
-    channels: dict[int, tuple[str, str]] = {}
-    chosen: dict[int, tuple[str, str]] = {}
+    # Topic and type by channel, and whether its messages are wanted.
+    channels: dict[int, tuple[str, str, bool]] = {}
+    for record in _mcap_records(storage, file):
+        if isinstance(record, records.Message):
+            topic, kind, chosen = channels[record.channel_id]
+            count[topic] += 1
+            if chosen:
+                yield topic, kind, record.log_time, record.data
+        elif isinstance(record, records.Schema):
+            schemas[record.id] = record.name
+        elif isinstance(record, records.Channel):
+            topic, kind = record.topic, schemas.get(record.schema_id, '')
+            channels[record.id] = topic, kind, storage.declare(
+                topic, kind, wanted, record.message_encoding)
+        elif isinstance(record, records.Metadata) and record.name == 'rosbag2':
+            # Damaged metadata cost nothing that was measured.
+            with suppress(InputError):
+                storage.add_custom(parse_yaml(record.metadata.get(
+                    'serialized_metadata', ''), 'metadata', references=True))
+
+
+def _mcap_records(storage: Storage, file: Path) -> Iterator[Any]:
+    """Yield the records before an mcap file's index, those in chunks, too."""
+    size = file.stat().st_size
     with open_input(file) as stream:
-        for opcode, content in _mcap_records(storage, stream, file.stat().st_size):
-            if opcode == Opcode.MESSAGE:
-                channel, _, time, _ = _MESSAGE.unpack_from(content)
-                count[channels[channel][0]] += 1
-                if channel in chosen:
-                    yield *chosen[channel], time, content[_MESSAGE.size:]
-                continue
-            record = ReadDataStream(BytesIO(content))
-            if opcode == Opcode.SCHEMA:
-                schema = Schema.read(record)
-                schemas[schema.id] = schema.name
-            elif opcode == Opcode.CHANNEL:
-                said = Channel.read(record)
-                channels[said.id] = said.topic, schemas.get(said.schema_id, '')
-                if storage.declare(*channels[said.id], wanted, said.message_encoding):
-                    chosen[said.id] = channels[said.id]
-            elif opcode == Opcode.METADATA:
-                about = Metadata.read(record)
-                if about.name == 'rosbag2':
-                    # Damaged metadata cost nothing that was measured.
-                    with suppress(InputError):
-                        storage.add_custom(parse_yaml(about.metadata.get(
-                            'serialized_metadata', ''), 'metadata', references=True))
+        if stream.read(len(_MAGIC)) != _MAGIC:
+            raise ValueError('not an mcap file' if size else 'empty')
+        stream.seek(0)
+        for record in StreamReader(stream, emit_chunks=True, validate_crcs=True,
+                                   record_size_limit=size).records:
+            storage.reached(stream.tell() / size)
+            if isinstance(record, records.DataEnd):
+                return
+            if isinstance(record, records.Chunk):
+                _check_chunk(record)
+                yield from breakup_chunk(record, validate_crc=True)
+            else:
+                yield record
 
 
-def _mcap_records(storage: Storage, stream: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
-    """Yield opcode and content of the records before an mcap file's index, those in chunks, too."""
-    if stream.read(len(_MAGIC)) != _MAGIC:
-        raise ValueError('not an mcap file' if size else 'empty')
-    at, checksum = len(_MAGIC), zlib.crc32(_MAGIC)
-    while True:
-        storage.reached(at / size)
-        header = stream.read(_RECORD.size).ljust(_RECORD.size, b'\0')
-        opcode, length = _RECORD.unpack(header)
-        at += _RECORD.size + length
-        if not opcode or at > size:
-            raise ValueError(f'it ends at byte {size}')
-        content = stream.read(length)
-        if opcode == Opcode.DATA_END:
-            if int.from_bytes(content, 'little') not in (0, checksum):
-                raise ValueError('the checksum of all its records is wrong')
-            return
-        checksum = zlib.crc32(content, zlib.crc32(header, checksum))
-        if opcode != Opcode.CHUNK:
-            yield opcode, content
-            continue
-        begin, plain = 0, _unpacked_chunk(content)
-        while begin < len(plain):
-            inner, length = _RECORD.unpack(
-                plain[begin:begin + _RECORD.size].ljust(_RECORD.size, b'\xff'))
-            begin += _RECORD.size + length
-            if begin > len(plain):
-                raise ValueError('a record reaches beyond its chunk')
-            yield inner, plain[begin - length:begin]
-
-
-def _unpacked_chunk(record: bytes) -> bytes:
-    chunk = Chunk.read(ReadDataStream(BytesIO(record)))
-    size, data = chunk.uncompressed_size, chunk.data
-    _check_chunk(size, len(data))
-    if chunk.compression == 'zstd':
-        data = zstandard.ZstdDecompressor().stream_reader(data).read(size)
-    elif chunk.compression == 'lz4':
-        data = LZ4FrameDecompressor().decompress(data, max_length=size)
-    elif chunk.compression:
-        raise ValueError(f'a chunk compressed with {chunk.compression!r}')
-    if len(data) != size or chunk.uncompressed_crc not in (0, zlib.crc32(data)):
-        raise ValueError('the checksum of a chunk is wrong')
-    return data
-
-
-def _check_chunk(size: int, packed: int) -> None:
+def _check_chunk(chunk: records.Chunk) -> None:
+    """Raise an error for a chunk that unpacks to more than it says, or than a recording holds."""
+    size, packed = chunk.uncompressed_size, len(chunk.data)
     check_unpacked('a chunk', size, packed)
     if size > _LARGEST_CHUNK:
         raise InputError(f'a chunk of {size} bytes, more than {_LARGEST_CHUNK}')
+    held = -1 if chunk.compression else packed
+    if chunk.compression == 'zstd':
+        held = zstandard.frame_content_size(chunk.data)
+    if held not in (-1, size):
+        raise ValueError('a chunk is not as large as it says')
 
 
 def _read_sqlite(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
@@ -264,59 +219,12 @@ def _connect(file: Path) -> sqlite3.Connection:
     return sqlite3.connect(f'file:{quote(str(file.absolute()))}?{options}', uri=True)
 
 
-def _read_ros1(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
-               ) -> Iterator[Message]:
-    """Yield the messages of a ROS 1 bag as those of ROS 2, in the order of time."""
-    # The types of rosbags take a second to import.
-    from rosbags.rosbag1 import Reader
-    from rosbags.typesys import get_typestore, Stores
-
-    open_input(file).close()
-    types = get_typestore(Stores.ROS2_JAZZY)
-    with Reader(file) as reader:
-        for at, chunk in reader.chunks.items():
-            reader.chunks[at] = chunk._replace(decompressor=_ros1_chunk)
-        chosen = [one for one in reader.connections
-                  if storage.declare(one.topic, one.msgtype, wanted)]
-        for one in reader.connections:
-            if one not in chosen:
-                count[one.topic] += one.msgcount
-        total = max(sum(one.msgcount for one in chosen), 1)
-        for number, (one, time, raw) in enumerate(reader.messages(chosen) if chosen else ()):
-            storage.reached(number / total)
-            count[one.topic] += 1
-            yield one.topic, one.msgtype, int(time), bytes(types.ros1_to_cdr(raw, one.msgtype))
-
-
-def _ros1_chunk(data: bytes) -> bytes:
-    """Return what a chunk of a ROS 1 bag holds, by how it begins: bz2, LZ4 or plain records."""
-    if data[:3] == b'BZh':
-        plain = BZ2Decompressor().decompress(data, _LARGEST_CHUNK)
-    elif data[:4] == b'\x04\x22\x4d\x18':
-        plain = LZ4FrameDecompressor().decompress(data, max_length=_LARGEST_CHUNK)
-    else:
-        return data
-    _check_chunk(len(plain), len(data))
-    return plain
-
-
-_READERS = {'.mcap': _read_mcap, '.db3': _read_sqlite, '.bag': _read_ros1}
+_READERS = {'.mcap': _read_mcap, '.db3': _read_sqlite}
 
 
 def unreadable(path: Path, reason: str) -> InputError:
     """Return the error for an unreadable recording."""
     return InputError(f'{path}: not a readable recording: {reason}')
-
-
-@contextmanager
-def unreadable_on_error(path: Path) -> Iterator[None]:
-    """Turn any error but InputError, as libraries raise for corrupt files, into `unreadable`."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        raise unreadable(path, getattr(error, 'strerror', None) or one_line(error)) from None
 
 
 def unpack(payload: bytes) -> bytes:
@@ -327,6 +235,6 @@ def unpack(payload: bytes) -> bytes:
     return payload
 
 
-def natural_key(name: str) -> list[str | int]:
+def _by_numbers(path: Path) -> list[str | int]:
     """Return a key that sorts names by their numbers, 2 before 10."""
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]
+    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-import re
 
 import numpy as np
 
@@ -25,13 +24,12 @@ from friction_comp.tables.column_names import (
     skeleton,
 )
 from friction_comp.tables.units import (
+    check_unit,
     DIMENSIONS,
-    is_other_unit,
-    OTHER_UNITS,
+    other_unit,
     parse_unit,
     si_unit,
     Unit,
-    unit_factor,
     unit_of,
 )
 
@@ -60,10 +58,9 @@ class Layout:
         Those of position, velocity and effort count for joint states in messages, too.
     rate : float, optional
         Rows per second, Hz, of a table without times.
-    stiffness, damping : sequence of (float or str)
-        k_p in N·m/rad and k_d in N·m·s/rad of a position controller: numbers, or columns that hold
-        them. Effort is then k_p (target - position) - k_d velocity. One for all recordings, or one
-        for each.
+    stiffness, damping : float or str, optional
+        k_p in N·m/rad and k_d in N·m·s/rad of a position controller: a number, or the column that
+        holds it. Effort is then k_p (target - position) - k_d velocity.
     joint : str
         Name of the joint whose columns are given, where they do not name it.
 
@@ -76,8 +73,8 @@ class Layout:
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     rate: float | None = None
-    stiffness: Sequence[float | str] = ()
-    damping: Sequence[float | str] = ()
+    stiffness: float | str | None = None
+    damping: float | str | None = None
     joint: str = ''
 
     def __post_init__(self) -> None:
@@ -89,8 +86,7 @@ class Layout:
             raise InputError('columns name both effort and current: name only one of them, the '
                              'measured one')
         for signal, unit in self.units.items():
-            if signal != 'effort' or not is_other_unit(unit):
-                unit_factor(signal, unit)
+            check_unit(signal, unit)
 
     @property
     def of_states(self) -> dict[str, Unit]:
@@ -107,28 +103,10 @@ class Layout:
 
     def naming(self, names: Sequence[str], where: object) -> Layout:
         """Return the layout with a table's own names; raises InputError if one is missing."""
-        return replace(self, columns={signal: column_called(name, names, where)
-                                      for signal, name in self.columns.items()})
-
-    def gains(self, names: Sequence[str], where: object) -> tuple[float | str, ...]:
-        """Return stiffness and damping of one table, numbers or columns; empty without any."""
-        if not self.stiffness:
-            return ()
-        if max(len(self.stiffness), len(self.damping)) > 1:
-            raise InputError(f'{where}: several gains are given for one recording')
-        gains = self.stiffness[0], self.damping[0] if self.damping else 0.0
-        return tuple(column_called(gain, names, where) if isinstance(gain, str) else gain
-                     for gain in gains)
-
-    def of_recording(self, index: int, count: int) -> Layout:
-        """Return the layout of one of several recordings, with its own gains."""
-        def own(values: Sequence[float | str], name: str) -> Sequence[float | str]:
-            if len(values) not in (0, 1, count):
-                raise InputError(f'{name}: {len(values)} values for {count} recordings; give one, '
-                                 'or one for each')
-            return values[index:index + 1] if len(values) == count else values
-        return replace(self, stiffness=own(self.stiffness, 'stiffness'),
-                       damping=own(self.damping, 'damping'))
+        stiffness, damping = (column_called(gain, names, where) if isinstance(gain, str) else gain
+                              for gain in (self.stiffness, self.damping))
+        return replace(self, stiffness=stiffness, damping=damping, columns={
+            signal: column_called(name, names, where) for signal, name in self.columns.items()})
 
 
 def column_called(name: str, names: Sequence[str], where: object) -> str:
@@ -165,7 +143,7 @@ class Assignment:
     """The used columns of a table."""
 
     columns: list[Column]
-    effort_is_current: bool     # whether efforts are in A
+    layout: Layout              # with the table's names
     notes: list[str]            # what was guessed
     chosen: str | None = None   # the joint whose columns the user named
 
@@ -173,6 +151,11 @@ class Assignment:
     def joints(self) -> list[str]:
         """Names of the joints; a single joint without a name is ''."""
         return list(dict.fromkeys(c.joint for c in self.columns if c.signal == 'position'))
+
+    @property
+    def effort_is_current(self) -> bool:
+        """Whether efforts are in A."""
+        return any(c.dimension == 'current' for c in self.columns if c.signal == 'effort')
 
     @property
     def linear(self) -> bool:
@@ -230,7 +213,7 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     if in_ampere == {True}:
         # Without the torque constant, a commanded torque says nothing beside a current.
         used = [c for c in used if c.signal != 'command' or c.dimension == 'current']
-    return Assignment(used, in_ampere == {True}, _notes(used, found, layout),
+    return Assignment(used, layout, _notes(used, layout),
                       joints.get(own, '') if named and len(joints) > 1 else None)
 
 
@@ -238,48 +221,37 @@ def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = F
              ) -> tuple[list[Column], tuple[str, ...]]:
     """Return the best column for each signal of each joint, and the joint of the user's columns."""
     told = {name: signal for signal, name in layout.columns.items()}
-    of_joint = [name for name, signal in told.items() if signal != 'time']
     first = next((layout.columns[signal] for signal in ('position', 'effort', 'current', 'velocity')
                   if signal in layout.columns), '')
-    # Where words differ, as in pos_read_1 and curr_1, the number is the joint.
-    by_number = bool(numbers(first)) and all(
-        numbers(name) == numbers(first) for name in of_joint) and len(
-            {read_name(name).key for name in of_joint}) > 1
-
-    def key_of(name: str) -> tuple[str, ...]:
-        reading = read_name(name)
-        return reading.key if reading.signal and not by_number else numbers(name) or reading.key
-
+    # Where the user's columns have a number, it is the joint's.
+    key_of = numbers if numbers(first) else lambda name: read_name(name).key
     own = key_of(first)
     named = {name: _as_named(name, signal, layout, where) for name, signal in told.items()}
-    patterns = {skeleton(name): named[name].signal for name in of_joint if skeleton(name)}
+    patterns = {skeleton(name): reading.signal for name, reading in named.items()
+                if skeleton(name) and reading.signal != 'time'}
     signals = {_kind(signal) for signal in layout.columns}
     ranked: list[tuple[tuple[int, ...], Column]] = []
     for place, name in enumerate(names):
         reading, key, alike = read_name(name), key_of(name), skeleton(name) in patterns
         if name in told:
-            key = () if told[name] == 'time' else own
-            reading = named[name]
+            reading, key = named[name], () if told[name] == 'time' else own
         elif alike:
             reading = replace(reading, signal=patterns[skeleton(name)])
-        if alike or name in told:
-            reading = replace(reading, joint='_'.join(numbers(name)) if key == numbers(name)
-                              and key else reading.joint)
-        second = 4 if plan and reading.signal.startswith('reference_') else 0
-        if plan:
-            reading = replace(reading, signal=reading.signal.removeprefix('reference_'))
-        kind = _kind(reading.signal)
+        if numbers(first) and (alike or name in told):
+            reading = replace(reading, joint='_'.join(key))
+        second = plan and reading.signal.startswith('reference_')
+        signal = reading.signal.removeprefix('reference_') if plan else reading.signal
+        kind = _kind(signal)
         if not kind or (name not in told and kind in signals and key in (own, ())):
             continue
-        column = _column(name, replace(reading, key=key), layout)
+        column = _column(name, replace(reading, signal=signal, key=key), layout)
         if column is None and name in told:
             raise InputError(f'{where}: {_say_unit(name, reading)}')
         if column is not None:
             # By the name's unit, whatever the user's is.
-            other = reading.unit and unit_of(reading.signal, reading.unit) is None
-            ranked.append(((
-                name not in told, not alike, kind == 'effort' and not reading.measured,
-                bool(other), SIGNALS.index(reading.signal), reading.rank + second, place), column))
+            other = bool(reading.unit) and unit_of(signal, reading.unit) is None
+            ranked.append(((name not in told, not alike, kind == 'effort' and not reading.measured,
+                            other, SIGNALS.index(signal), second, reading.rank, place), column))
     best: dict[tuple[str, tuple[str, ...]], Column] = {}
     for _, column in sorted(ranked, key=lambda entry: entry[0]):
         best.setdefault((column.kind, column.key), column)
@@ -309,10 +281,9 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column | None:
     text = given or reading.unit
     unit = unit_of(signal, text) if text else None
     if unit is None and text:
-        number, word = re.fullmatch(r'\s*([+-]?[\d.]*)\s*\*?\s*(.*)', text).groups()  # type: ignore[union-attr]
+        factor, other = other_unit(text) or (1.0, text)
         return None if signal not in ('effort', 'current') else Column(
-            name, 'effort', reading.joint, OTHER_UNITS.get(word.lower(), word) or text,
-            float(number) if re.search(r'\d', number) else 1.0, '', reading.key, True)
+            name, 'effort', reading.joint, other, factor, '', reading.key, True)
     if unit is None:
         default = 'N·m' if reading.torque and signal == 'command' else si_unit(signal)
         known = unit_of(signal, default)
@@ -381,11 +352,10 @@ def without_time(names: Sequence[str], layout: Layout, where: object
 def _missing(missing: Sequence[str], names: Sequence[str], layout: Layout, signals: set[str]
              ) -> str:
     """Return what is asked if signals are missing: the unit, or the command to copy."""
-    for signal in missing:
-        for name in names:
-            reading = read_name(name)
-            if reading.signal == signal and _column(name, reading, layout) is None:
-                return _say_unit(name, reading)
+    for name in names:
+        reading = read_name(name)
+        if reading.signal in missing and _column(name, reading, layout) is None:
+            return _say_unit(name, reading)
     hints = {'time': ', or the rows per second with --rate HZ'}
     if 'reference_position' in signals:
         hints['effort'] = (', or the gains of the position controller with --stiffness and '
@@ -414,8 +384,8 @@ def _listed(names: Sequence[str]) -> str:
         f' and {len(names) - _MOST_NAMES} more' if len(names) > _MOST_NAMES else '')
 
 
-def _notes(used: Sequence[Column], found: Sequence[Column], layout: Layout) -> list[str]:
-    """Return notes: what was guessed, asked for instead of measured, and left out."""
+def _notes(used: Sequence[Column], layout: Layout) -> list[str]:
+    """Return notes: what was guessed, and asked for instead of measured."""
     named = layout.columns.values()
     # A column named after its signal is not a guess; those of siblings need no line of their own.
     alike: dict[tuple[str, str, str], list[Column]] = {}
@@ -426,14 +396,8 @@ def _notes(used: Sequence[Column], found: Sequence[Column], layout: Layout) -> l
         f'{first.joint}.{first.signal}'.lstrip('.') + f'={first.name}'
         + f' in {first.unit}' * bool(first.unit) + f' and {len(others)} alike' * bool(others)
         for first, *others in alike.values())
-    keys, names = {c.key for c in used if c.signal == 'position'}, {c.name for c in used}
-    idle = [c.name for c in found if c.key not in keys and c.name not in names]
-    return [
-        *([f'columns guessed from their names: {guesses} (override with --columns and --unit)']
-          if guesses else []),
-        *(f'{c.name}: by its name an effort that was asked for, not measured: friction is in it '
-          'only if the drive gives just this' for c in used
-          if c.name in named and c.signal == 'effort' and is_target(c.name)),
-        *([f'{", ".join(idle)}: left out, since no position and effort belong to it'
-           if len(idle) < 9 else f'{len(idle)} columns are left out, since they are of no joint '
-           'with position and effort'] if idle else [])]
+    asked = [c.name for c in used if c.name in named and c.signal == 'effort' and is_target(c.name)]
+    return [f'columns guessed from their names: {guesses} (override with --columns and --unit)'
+            ] * bool(guesses) + [
+                f'{name}: by its name an effort that was asked for, not measured: friction is in '
+                'it only if the drive gives just this' for name in asked]

@@ -11,9 +11,10 @@ from __future__ import annotations
 import codecs
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 import csv
 import io
-from itertools import chain, islice
+from itertools import islice
 from pathlib import Path
 import re
 from typing import Any
@@ -32,7 +33,7 @@ from friction_comp.files import (
     write_atomically,
 )
 from friction_comp.tables.column_names import read_name
-from friction_comp.tables.units import OTHER_UNITS, parse_unit
+from friction_comp.tables.units import other_unit, parse_unit
 
 Columns = dict[str, np.ndarray]
 TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.h5',
@@ -67,47 +68,52 @@ class Table:
 
     def __init__(self, path: Path, named: Sequence[str] = ()) -> None:
         self.path, self.notes = path, list[str]()
+        self._text: _Text | None = None
         parts, name = parts_of(path), path.name.lower()
-        try:
+        load = next((own for suffix, own in _LOADERS.items() if name.endswith(suffix)), None)
+        with _readable(path):
             if len(parts) > 1:
                 self._use(_joined(parts), named)
-            elif load := next((own for suffix, own in _LOADERS.items() if name.endswith(suffix)),
-                              None):
+            elif load:
                 self._use(dict(_flat('', load(check_input(path)))), named)
             else:
                 self._text = _Text(path)
-                self.names, self._read = self._text.names, self._text.read
-                self.notes += self._text.notes
-        except InputError:
-            raise
-        except Exception as error:
-            raise InputError(f'{path}: not a readable table: {one_line(error)}') from None
+                self.names, self.notes = [*self._text.places], self._text.notes
 
     def read(self, wanted: Sequence[str]) -> Columns:
         """Return columns as floats of one length, dates in s."""
-        try:
-            return self._read(list(dict.fromkeys(wanted)))
-        except InputError:
-            raise
-        except Exception as error:
-            raise InputError(f'{self.path}: not a readable table: {one_line(error)}') from None
+        with _readable(self.path):
+            if self._text:
+                return self._text.read(list(dict.fromkeys(wanted)))
+            return {name: np.broadcast_to(to_numbers(self._columns[name], name, self.path),
+                                          self._size) for name in wanted}
 
     def _use(self, columns: Columns, named: Sequence[str]) -> None:
         """Use arrays as long as the `named` ones, or else as most; numbers hold for all rows."""
         lengths = Counter(len(values) for values in columns.values() if values.ndim)
         own = [len(columns[name]) for name in named if name in columns and columns[name].ndim]
-        size = own[0] if own else max(lengths, key=lambda length: (lengths[length], length),
-                                      default=1)
+        self._size = own[0] if own else max(
+            lengths, key=lambda length: (lengths[length], length), default=1)
+        self._columns = columns
         self.names = [name for name, values in columns.items()
-                      if not values.ndim or len(values) == size]
+                      if not values.ndim or len(values) == self._size]
         if left := [name for name in columns if name not in self.names]:
-            self.notes.append(f'{", ".join(left[:9])}: left out, not of {size} values')
+            self.notes.append(f'{", ".join(left[:9])}: left out, not of {self._size} values')
         if not self.names:
             raise InputError(f'{self.path}: holds no table of numbers; objects of MATLAB and '
                              'workbooks are saved as CSV first')
-        self._read = lambda wanted: {
-            name: np.broadcast_to(to_numbers(columns[name], name, self.path), size)
-            for name in wanted}
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Turn any error, as libraries raise for damaged files, into one that names the file."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f'{path}: not a readable table: {one_line(error)}') from None
+
 
 class _Text:
     """A text file with a row a line; header, separator and decimal mark are those of its lines."""
@@ -123,35 +129,33 @@ class _Text:
         late_row = rows[3 * len(rows) // 4]
         # The names stand above the first row with numbers where rows have them, and are as many.
         own = [k for k, cell in enumerate(late_row) if _is_number(cell)]
-        begin = next((k for k, row in enumerate(rows) if len(row) > max(own, default=0) and all(
-            _is_number(row[i]) or _is_missing(row[i]) for i in own) and any(
+        begin = self._skip = next((k for k, row in enumerate(rows) if len(row) > max(
+            own, default=0) and all(_is_number(row[i]) or _is_missing(row[i]) for i in own) and any(
                 _is_number(row[i]) for i in own)), len(rows))
-        rows = [row[0].split() if len(row) == 1 and k < begin else row
-                for k, row in enumerate(rows)]
-        names, body = [], rows[begin:]
-        if begin and _width(rows[begin - 1]) >= _width(late_row):
-            names = [cell.strip() for cell in rows[begin - 1]]
-            units = [cell.strip('[]()- ') for cell in names]
-            known = [bool(parse_unit(unit)) or unit.lower() in OTHER_UNITS for unit in units]
-            if begin > 1 and len(rows[begin - 2]) == len(names) and sum(known) * 2 >= len(
-                    [*filter(None, units)]) > 0:
-                # A line of units below the names; one that is not known is asked for.
-                names = [f'{name.strip()} [{unit}{"" if one else "?"}]' if unit else name.strip()
-                         for name, unit, one in zip(rows[begin - 2], units, known)]
-        names = names or [str(k + 1) for k in range(max(map(_width, body), default=0))]
-        self._skip = begin
+        above = [row[0].split() if len(row) == 1 else [cell.strip() for cell in row]
+                 for row in rows[:begin]]
+        body, width = rows[begin:], _width(late_row)
+        names = above[-1] if above and _width(above[-1]) >= width else [
+            str(k + 1) for k in range(max(map(_width, rows[begin:]), default=0))]
+        units = [name.strip('[]()- ') for name in names]
+        known = [bool(parse_unit(unit) or other_unit(unit)) for unit in units]
+        if begin > 1 and len(above[-2]) == len(names) and 2 * sum(known) >= len(
+                [*filter(None, units)]) > 0:
+            # A line of units below the names; one that is not known is asked for.
+            names = [f'{name} [{unit}{"" if one else "?"}]' if unit else name
+                     for name, unit, one in zip(above[-2], units, known)]
         count = Counter(filter(None, names))
         if doubled := [name for name in count if count[name] > 1]:
             self.notes.append('left out, since several columns have this name: '
                               + ', '.join(map(repr, doubled)))
-        self._places: dict[str, tuple[int, int | None]] = {}
+        # Column, and place in its lists, of each name.
+        self.places: dict[str, tuple[int, int | None]] = {}
         for k, name in enumerate(names):
             items = next((found for row in body[:20] if k < len(row) and (
                 found := _items(row[k]))), [])
             if count[name] == 1:
-                self._places.update({f'{name}[{i}]': (k, i) for i in range(len(items))})
-                self._places.update({} if items else {name: (k, None)})
-        self.names = list(self._places)
+                self.places.update({f'{name}[{i}]': (k, i) for i in range(len(items))})
+                self.places.update({} if items else {name: (k, None)})
         cells = [cell for row in body for cell in row if _NUMBER.fullmatch(cell)] if (
             self._mark != ',') else []
         # A comma that does not separate is a decimal one.
@@ -188,31 +192,14 @@ class _Text:
             lines, delimiter=self._mark, skipinitialspace=True)
 
     def read(self, wanted: list[str]) -> Columns:
-        places = [self._places[name] for name in wanted]
-        lines, parts = self._lines(), list[np.ndarray]()
-        next(islice(lines, self._skip - 1, self._skip), None) if self._skip else None
-        size, plain = 0, all(item is None for _, item in places)
-        while block := list(islice(lines, _ROWS)) if plain else []:
-            try:
-                if self._comma and any('.' in line for line in block):
-                    raise ValueError('points beside decimal commas')
-                parts.append(np.loadtxt([line.replace(',', '.') for line in block] if self._comma
-                                        else block, delimiter=self._mark, ndmin=2, comments=None,
-                                        quotechar='"', usecols=[k for k, _ in places]))
-            except ValueError:
-                # Cells are missing, or no numbers.
-                lines, plain = chain(block, lines), False
-            size += len(block) * plain
-            _check_size(self.path, size, len(wanted))
-        rows = self._rows(lines)
+        rows, size, parts = islice(self._rows(self._lines()), self._skip, None), 0, []
         while cells := list(islice(rows, _ROWS)):
             size += len(cells)
             _check_size(self.path, size, len(wanted))
-            parts.append(np.column_stack([
-                self._numbers([row[k] if k < len(row) else '' for row in cells], item, name)
-                for (k, item), name in zip(places, wanted)]))
-        whole = np.concatenate(parts) if parts else np.empty((0, len(wanted)))
-        return dict(zip(wanted, whole.T))
+            parts.append([self._numbers([row[k] if k < len(row) else '' for row in cells], i, name)
+                          for name, (k, i) in ((name, self.places[name]) for name in wanted)])
+        return dict(zip(wanted, map(np.concatenate, zip(*parts)))) if parts else {
+            name: np.empty(0) for name in wanted}
 
     def _numbers(self, cells: list[str], item: int | None, name: str) -> np.ndarray:
         if item is not None:
@@ -223,7 +210,7 @@ class _Text:
                 raise InputError(f'{self.path}: column {name!r}: {wrong!r} has a point where '
                                  'other numbers have a comma: write one of them')
             cells = [cell.replace(',', '.') for cell in cells]
-        return to_numbers(np.array(cells), name, self.path)
+        return to_numbers(np.array(cells, dtype=object), name, self.path)
 
 
 def _encoding(head: bytes) -> str:
@@ -272,12 +259,13 @@ def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
     if values.dtype.kind == 'b':
         raise InputError(f'{where}: column {name!r} holds true and false, not numbers')
     if values.dtype.kind in 'OSU':
+        with suppress(ValueError, TypeError):
+            return values.astype(float)
         texts = ['nan' if value is None or _is_missing(str(value)) else str(value).strip()
                  for value in values.ravel()]
-        try:
+        with suppress(ValueError):
             return np.array(texts, dtype=float)
-        except ValueError:
-            plain = [text.removesuffix('Z').replace(',', '.') for text in texts]
+        plain = [text.removesuffix('Z').replace(',', '.') for text in texts]
         if not all(_DATE.fullmatch(text) for text in plain):
             wrong = next(text for text in texts if not re.fullmatch(r'[-+.\dEe]+|nan|inf', text))
             hint = ', nor a date such as 2026-03-04T09:59:50.5' * (read_name(name).signal == 'time')

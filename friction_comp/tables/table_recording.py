@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 
 from friction_comp.checks import one_of
-from friction_comp.controller_effort import controller_effort, load_behind_gear
 from friction_comp.errors import errors_name, InputError
-from friction_comp.facts.motion import not_in_radians, turns_of
-from friction_comp.facts.recorded import implausible, tidied
-from friction_comp.facts.timing import gap_length, not_in_seconds, rhythm, unit_for
+from friction_comp.facts.motion import at_times, not_in_radians
+from friction_comp.facts.recorded import implausible, moves, tidied
+from friction_comp.facts.timing import gap_length, not_in_seconds, unit_for
 from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.tables.columns import assign, Assignment, Column, Layout
 from friction_comp.tables.table_files import Columns, is_table, parts_of, Table, to_numbers
@@ -30,8 +29,9 @@ _EXAMPLES = {'position': 'position=deg, turn, counts/4096 (counts in a turn) or 
              'effort': 'effort=2.69mA, counts or N·m'}
 _HELD = ('command', 'direction')    # signals that hold their value until the next
 _RAW = 50       # fewest rows of whole numbers that are no coincidence
+# A torque behind a gear that is so many times the motor's is more than any friction makes of it.
+_GEARED = 3.0
 _WHOLE = 0.5    # share of the rows of the rarer of position and effort that hold the other, too
-_MOVED = 0.01   # a joint whose position covers more, rad or m, moved
 
 
 class TableRecording:
@@ -41,9 +41,9 @@ class TableRecording:
     """
 
     def __init__(self, path: Path, layout: Layout | None = None, frame: Any = None) -> None:
-        self.path, self._layout = path, layout or Layout()
+        self.path = path
         if frame is None:
-            table = Table(path, [*self._layout.columns.values()])
+            table = Table(path, [*layout.columns.values()] if layout else ())
             names, self._read, notes = table.names, table.read, table.notes
         else:
             names = [str(n) for n in (frame.columns if hasattr(frame, 'columns') else frame)]
@@ -54,9 +54,8 @@ class TableRecording:
         except InputError as error:
             raise InputError('; '.join((str(error), *notes))) from None
         self._use.notes += notes
-        self._gains = self._layout.gains(names, path)
+        self._layout, self._time = self._use.layout, np.empty(0)
         self._columns: Columns = {}
-        self._time = np.empty(0)
 
     @property
     def joints(self) -> list[str]:
@@ -68,13 +67,9 @@ class TableRecording:
         """Names of the joints that may be read; one if the user named its columns."""
         return self._use.joints if self._use.chosen is None else [self._use.chosen]
 
-    def scans(self) -> Iterator[TableRecording]:
-        """Yield the table, as the reader of a bag yields its parts."""
-        yield self
-
-    def chosen(self, joint: str | None) -> tuple[TableRecording, str | None]:
-        """Return the table, and the name of a joint in it."""
-        return self, joint
+    def siblings(self, joint: str | None) -> list[str]:
+        """Return the joints that were recorded with one, and itself."""
+        return self._use.joints
 
     def samples(self, joint: str | None = None, torque_per_current: float = 1.0
                 ) -> tuple[Samples, RecordingInfo]:
@@ -87,15 +82,8 @@ class TableRecording:
         self._load()
         joint = use.chosen if joint is None else joint
         key = '' if use.joints == [''] else one_of(use.joints, joint, self.path)
-        time, notes = self._time, list[str]()
-        signals = self._signals(key, notes)
-        notes[:0] = use.notes
-        effort = use.of('effort', key)
-        scale = 1.0 if use.effort_is_current else torque_per_current
-        signals['current'] = signals.pop('effort') / scale
-        command = use.of('command', key)
-        if command is not None and command.dimension != 'current':
-            signals['command'] = signals['command'] / torque_per_current
+        time, notes = self._time, list(use.notes)
+        signals = self._signals(key, torque_per_current, notes)
         velocity = signals.get('velocity')
         needed = np.isfinite(time) & np.isfinite(signals['position'] + signals['current'])
         if not needed.any():
@@ -111,17 +99,12 @@ class TableRecording:
             notes += [f'{count} rows left out: {reason}'] if count else []
         rows = rows[fresh]
         start = float(time[rows[0]])
-        samples = Samples(time[rows] - start, joint=joint or key, **{
-            name: values[rows] for name, values in signals.items()})
-        samples, kept = tidied(samples, notes)
-        _, gaps, longest, before = rhythm(samples.time)
-        if gaps:
-            notes.append(f'{gaps} gaps, the longest of {longest:.3g} s after {before:.3f} s')
-        others = [own[np.isfinite(own)] for name in use.joints if name != key
-                  and (own := self._of('position', name)) is not None]
-        alone = not any(len(own) and np.ptp(own) > _MOVED for own in others)
-        if fault := implausible(samples, alone):
+        samples, kept = tidied(Samples(time[rows] - start, joint=joint or key, **{
+            name: values[rows] for name, values in signals.items()}), notes)
+        others = [self._of('position', name) for name in use.joints if name != key]
+        if fault := implausible(samples, not any(own is not None and moves(own) for own in others)):
             raise InputError(f'{self.path}: ' + f'joint {joint!r}: ' * bool(joint) + fault)
+        effort = use.of('effort', key)
         return samples, RecordingInfo(
             self.path, joint or key, start=start, stamps=time - start, rows=rows[kept], notes=notes,
             effort_is_current=use.effort_is_current, linear=use.linear, assumed=self._assumed(),
@@ -130,18 +113,21 @@ class TableRecording:
     def _of(self, signal: str, joint: str) -> np.ndarray | None:
         return self._use.signal_in(self._columns, signal, joint)
 
-    def _signals(self, joint: str, notes: list[str]) -> dict[str, Any]:
-        """Return the signals of a joint in SI units, effort as it is."""
-        use = self._use
+    def _signals(self, joint: str, torque_per_current: float, notes: list[str]) -> dict[str, Any]:
+        """Return the signals of a joint in SI units, effort and command as current."""
+        layout, column = self._layout, self._use.of('effort', joint)
         signals: dict[str, Any] = {name: own for name in _SIGNALS
                                    if (own := self._of(name, joint)) is not None}
-        if self._gains and 'effort' not in signals:
-            stiffness, damping = (self._columns[gain] if isinstance(gain, str) else gain
-                                  for gain in self._gains)
-            signals['effort'], note = controller_effort(
-                self._time, signals['reference_position'], signals['position'],
-                signals.get('velocity'), stiffness, damping, signals.get('reference_velocity'))
-            notes.append(note)
+        if layout.stiffness and 'effort' not in signals:
+            stiffness, damping = (self._columns[gain] if isinstance(gain, str) else gain or 0.0
+                                  for gain in (layout.stiffness, layout.damping))
+            velocity = signals['velocity'] if 'velocity' in signals else _rate(
+                self._time, signals['position'])
+            follows = 'reference_velocity' in signals
+            signals['effort'] = stiffness * (signals['reference_position'] - signals['position']) \
+                - damping * (velocity - signals.get('reference_velocity', 0.0))
+            notes.append('effort is k_p (target - position) ' + (
+                '+ k_d (target velocity - velocity)' if follows else '- k_d velocity'))
         for name in _HELD:
             if name in signals and (known := np.flatnonzero(np.isfinite(signals[name]))).size:
                 last = np.searchsorted(known, np.arange(len(self._time)), side='right') - 1
@@ -149,12 +135,14 @@ class TableRecording:
         if 'direction' in signals:
             given = signals['direction']
             signals['direction'] = np.where(np.isin(given, (-1, 1)), given, 0).astype(int)
-        column = use.of('effort', joint)
-        load = load_behind_gear(
-            signals['effort'], self._of('link_torque', joint),
-            column is None or column.dimension in ('torque', 'force'), notes)
-        if load is not None:
-            signals.setdefault('load', load)
+        if (behind := self._of('link_torque', joint)) is not None:
+            is_torque = column is None or column.dimension in ('torque', 'force')
+            signals.setdefault('load', _load(signals['effort'], behind, is_torque, notes))
+        command = self._use.of('command', joint)
+        if command is not None and command.dimension != 'current':
+            signals['command'] = signals['command'] / torque_per_current
+        signals['current'] = signals.pop('effort') / (
+            1.0 if self._use.effort_is_current else torque_per_current)
         return signals
 
     def _load(self) -> None:
@@ -162,18 +150,12 @@ class TableRecording:
         if self._columns:
             return
         use, layout = self._use, self._layout
-        columns = self._read([*(column.name for column in use.columns),
-                              *(gain for gain in self._gains if isinstance(gain, str))])
+        columns = self._read([*(column.name for column in use.columns), *(
+            gain for gain in (layout.stiffness, layout.damping) if isinstance(gain, str))])
         size = len(next(iter(columns.values())))
         if not size:
             raise InputError(f'{self.path}: has no row below its header')
-        if layout.rate:
-            time = np.arange(size) / layout.rate
-        else:
-            column = use.of('time', '')
-            assert column is not None
-            _check_times(column, columns[column.name], self.path)
-            time = column.factor * columns[column.name]
+        time = np.arange(size) / layout.rate if layout.rate else _times(use, columns, self.path)
         for column in list(use.columns):
             fault, example = _unit_fault(column, columns[column.name])
             said = f'column {column.name!r} {fault}'
@@ -197,9 +179,42 @@ class TableRecording:
                      for signal, names in found.items() if names)
 
 
-def _check_times(column: Column, values: np.ndarray, where: object) -> None:
-    """Raise InputError for times that are not in the unit that is given or assumed."""
-    values = np.sort(values[np.isfinite(values)])
+def _rate(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the derivative of the cubic spline through the finite values, shape (N,)."""
+    from scipy.interpolate import make_interp_spline
+
+    usable = np.isfinite(time) & np.isfinite(values)
+    knots, first = np.unique(time[usable], return_index=True)
+    if len(knots) < 4:
+        return np.zeros(len(time))
+    spline = make_interp_spline(knots, values[usable][first], 3)
+    return np.asarray(spline(np.where(np.isfinite(time), time, knots[0]), 1))
+
+
+def _load(effort: np.ndarray, link_torque: np.ndarray, is_torque: bool, notes: list[str]
+          ) -> np.ndarray:
+    """Return the load on a gear in N·m, (N,), by the torque of the link behind it.
+
+    The load moves the joint, and the gear moves the link: one is minus the other. In some robots
+    the sensor has the opposite sign, which is reversed.
+    """
+    both = np.isfinite(effort) & np.isfinite(link_torque)
+    product, power = float(effort[both] @ link_torque[both]), float(effort[both] @ effort[both])
+    if product < 0.0:
+        link_torque = -link_torque
+        notes.append('the sign of link_torque is reversed: it is opposite to that of effort')
+    ratio = abs(product) / max(power, 1e-300)
+    if is_torque and ratio > _GEARED:
+        notes.append(f'link_torque is about {ratio:.2g} times the effort, as if that were before a '
+                     'gear: give its ratio, --unit effort=100Nm if it is 100')
+    return -link_torque
+
+
+def _times(use: Assignment, columns: Columns, where: object) -> np.ndarray:
+    """Return the times, s; raises InputError if they are not in the unit given or assumed."""
+    column = use.of('time', '')
+    assert column is not None
+    values = np.sort(columns[column.name][np.isfinite(columns[column.name])])
     if not values.size:
         raise InputError(f'{where}: column {column.name!r} holds no time')
     if fault := not_in_seconds(values, column.factor, column.stated):
@@ -207,6 +222,7 @@ def _check_times(column: Column, values: np.ndarray, where: object) -> None:
         raise InputError(f'{where}: column {column.name!r} {fault}: give its unit, for instance '
                          f'--unit time={unit}' + ', or time=s' * (unit != 's')
                          + ', or the rows per second with --rate')
+    return column.factor * columns[column.name]
 
 
 def _unit_fault(column: Column, values: np.ndarray) -> tuple[str, str]:
@@ -231,7 +247,7 @@ def _in_order(columns: Columns, time: np.ndarray, notes: list[str]) -> tuple[Col
             np.diff(np.flatnonzero(back), prepend=-20) >= 20).all():
         notes.append(f'times begin anew {np.count_nonzero(back)} times, as of episodes: no motion '
                      'is taken to be between them')
-        pause = 1.0 + gap_length(steps[steps > 0.0])
+        pause = 1.0 + gap_length(steps)
         later = np.cumsum(np.where(back, pause - steps, 0.0))
         return columns, time + np.concatenate(([0.0], later))
     notes.append('rows are in no order of time: sorted')
@@ -254,25 +270,16 @@ def _whole_rows(columns: Columns, time: np.ndarray, use: Assignment) -> tuple[Co
     rarest = min(known, key=lambda name: int(known[name].sum()))
     use.notes.append(f'rows hold few values each: those with {rarest} are used, the others are '
                      'interpolated to their times')
-    at = time[known[rarest]]
-    held = {c.name for c in use.columns if c.signal in _HELD}
-    wraps = {c.name: 2.0 * np.pi / abs(c.factor) for c in use.columns
-             if c.signal in ('position', 'reference_position') and c.dimension == 'angle'}
-    return {name: values[known[rarest]] if name in held else _interpolated(
-        values, time, at, wraps.get(name, 0.0)) for name, values in columns.items()}, at
-
-
-def _interpolated(values: np.ndarray, time: np.ndarray, at: np.ndarray, turn: float) -> np.ndarray:
-    """Return values at other times; NaN in gaps and beyond the ends; a single value is constant."""
-    rows = np.flatnonzero(np.isfinite(values + time))
-    if len(rows) < 2:
-        return np.full(len(at), values[rows[0]] if len(rows) else np.nan)
-    own, given = time[rows], values[rows]
-    if turn:
-        given = given + turn * turns_of(own, given, turn)
-    after = np.searchsorted(own, at).clip(1, len(own) - 1)
-    hole = (own[after] - own[after - 1] > gap_length(np.diff(own))) & ~np.isin(at, own)
-    return np.where(hole | (at < own[0]) | (at > own[-1]), np.nan, np.interp(at, own, given))
+    rows, found = known[rarest], {name: values[known[rarest]] for name, values in columns.items()}
+    for column in use.columns:
+        own = np.isfinite(columns[column.name] + time)
+        if column.signal not in (*_HELD, 'time') and own.any():
+            values = at_times(
+                time[rows], time[own], columns[column.name][own], 0.0,
+                2.0 * np.pi / abs(column.factor) if column.dimension == 'angle' else 0.0)
+            within = (time[rows] >= time[own][0]) & (time[rows] <= time[own][-1])
+            found[column.name] = np.where(within | (own.sum() < 2), values, np.nan)
+    return found, time[rows]
 
 
 def read_frame(frame: Any, layout: Layout | None = None, torque_constant: float = 1.0,
@@ -333,8 +340,8 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
         return None
     values = table.read([column.name for column in use.columns])
     size = len(next(iter(values.values())))
-    time = use.signal_in(values, 'time')
-    time = np.arange(size) / layout.rate if layout and layout.rate else time
+    time = np.arange(size) / layout.rate if layout and layout.rate else use.signal_in(
+        values, 'time')
     positions = {name: use.signal_in(values, 'position', name) for name in use.joints}
     rows: Any = np.array([time, *positions.values()], dtype=float)
     if not np.isfinite(rows).all():

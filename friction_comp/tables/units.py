@@ -1,10 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Units as people write them: a factor, a symbol or the product of two, and perhaps ``/s``.
+"""The short table of units: symbols, perhaps with a factor before them and ``/s`` behind.
 
-One grammar reads ``2.69mA``, ``0.229rpm``, ``kN·m``, ``inch/min`` and ``counts/4096/s``, without
-regard to capitals. The result is the factor to SI units and the dimension, which tells whether a
-signal can have the unit.
+``2.69mA``, ``0.229rpm``, ``N cm``, ``inch/min`` and ``counts/4096/s`` are units, without regard to
+capitals. Each has a factor to SI units and a dimension, which tells whether a signal can have it.
 """
 
 from __future__ import annotations
@@ -16,24 +15,28 @@ from typing import NamedTuple
 
 from friction_comp.errors import InputError
 
-_TURN, _STANDARD, _POUND, _INCH = 2.0 * math.pi, 9.80665, 4.4482216152605, 0.0254
-# Dimension to symbols and their factors.
-_SYMBOLS = {symbol: (factor, dimension) for dimension, table in {
-    'angle': {'radian radians': 1.0, 'deg degree degrees °': _TURN / 360.0,
+_TURN, _KGF, _LBF, _INCH = 2.0 * math.pi, 9.80665, 4.4482216152605, 0.0254
+# Dimension to symbols and their factors; those of products are written without a sign between.
+_TABLE: dict[str, dict[str, float]] = {
+    'angle': {'rad radian radians': 1.0, 'mrad': 1e-3, 'deg degree degrees °': _TURN / 360.0,
               'turn turns rev revs revolution revolutions rot': _TURN},
-    'angle/time': {'rpm': _TURN / 60.0, 'dps': _TURN / 360.0, 'rps': _TURN, 'radps': 1.0},
-    'length': {'inch in': _INCH, 'ft': 12.0 * _INCH}, 'length/time': {'mps': 1.0},
-    'time': {'sec secs second seconds': 1.0, 'msec millis': 1e-3, 'usec micros': 1e-6,
-             'nsec nanos': 1e-9, 'min': 60.0, 'h': 3600.0},
-    'force': {'kgf kg': _STANDARD, 'gf': 1e-3 * _STANDARD, 'lbf lb': _POUND},
-    'temperature': {'c °c degc celsius': 1.0}}.items()
-    for symbols, factor in table.items() for symbol in symbols.split()}
-_WITH_PREFIX = {'rad': 'angle', 'nm': 'torque', 'm': 'length', 's': 'time', 'n': 'force',
-                'a': 'current'}
-_PREFIXES = {'': 1.0, 'k': 1e3, 'c': 1e-2, 'm': 1e-3, 'µ': 1e-6, 'u': 1e-6, 'n': 1e-9}
-_PER_MINUTE = {'1/min', 'r/min', 'min-1', 'min^-1', 'min⁻¹'}
+    'angle/time': {'radps': 1.0, 'rpm r/min 1/min min-1 min^-1 min⁻¹': _TURN / 60.0,
+                   'dps': _TURN / 360.0, 'rps': _TURN},
+    'length': {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'µm um': 1e-6, 'inch in': _INCH,
+               'ft': 12.0 * _INCH},
+    'length/time': {'mps': 1.0},
+    'time': {'s sec secs second seconds': 1.0, 'ms msec millis': 1e-3, 'µs us usec micros': 1e-6,
+             'ns nsec nanos': 1e-9, 'min': 60.0, 'h': 3600.0},
+    'force': {'n': 1.0, 'kn': 1e3, 'mn': 1e-3, 'kgf kg': _KGF, 'gf': 1e-3 * _KGF, 'lbf lb': _LBF},
+    'torque': {'nm': 1.0, 'knm': 1e3, 'mnm nmm': 1e-3, 'ncm': 1e-2, 'kgfm kgm': _KGF,
+               'kgfcm kgcm': 1e-2 * _KGF, 'lbft lbfft ftlb': 12.0 * _LBF * _INCH,
+               'lbin lbfin inlb': _LBF * _INCH},
+    'current': {'a': 1.0, 'ka': 1e3, 'ma': 1e-3, 'µa ua': 1e-6},
+    'temperature': {'c °c degc celsius': 1.0}}
+_SYMBOLS = {symbol: (factor, dimension) for dimension, table in _TABLE.items()
+            for symbols, factor in table.items() for symbol in symbols.split()}
 # As in rad·s⁻¹; and the factor before a unit.
-_PER_SECOND = re.compile(r'[·*. ]?s(\^?-1|⁻¹)$')
+_PER_SECOND = re.compile(r'[·⋅*. ]?s(\^?-1|⁻¹)$')
 _FACTOR = re.compile(r'([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)?\s*\*?\s*(.*)')
 _COUNTS = re.compile(r'counts?/(\d+(?:\.\d+)?)(/s)?')
 _ANGLE, _RATE = ('angle', 'length', 'counts'), ('angle/time', 'length/time', 'counts/time')
@@ -77,49 +80,28 @@ def parse_unit(text: str) -> Unit | None:
     unit: ``2.69mA``.
     """
     text = _PER_SECOND.sub('/s', text.strip().lower().replace('\u03bc', 'µ'))
-    match = _FACTOR.fullmatch('rpm' if text in _PER_MINUTE else text)
-    if match is None:
-        return None
-    factor, (above, mark, below) = float(match[1] or 1.0), match[2].partition('/')
-    counts = _COUNTS.fullmatch(match[2])
-    if counts:
-        size = float(counts[1])
-        known = Unit(1.0 / size, 'counts' + '/time' * bool(counts[2])) if size else None
-    else:
-        known = _product(above)
-        divisor = _product(below) if mark else None
-        if mark:
-            known = Unit(known.factor / divisor.factor, f'{known.dimension}/time') if (
-                known and divisor and divisor.dimension == 'time'
-                and '/' not in known.dimension) else None
-    if known is None or not factor or not math.isfinite(factor):
-        return None
-    return Unit(factor * known.factor, known.dimension)
-
-
-def _product(text: str) -> Unit | None:
-    """Return one symbol, or the product of a force and a length, such as N·m, N cm or lbft."""
-    plain = re.sub(r'[·*.\- ]', '', text)
-    if whole := _symbol(plain):
-        return whole
-    for k in range(1, len(plain)):
-        one, other = _symbol(plain[:k]), _symbol(plain[k:])
-        if one and other and {one.dimension, other.dimension} == {'force', 'length'}:
-            return Unit(one.factor * other.factor, 'torque')
-    return None
-
-
-def _symbol(text: str) -> Unit | None:
     if text in _SYMBOLS:
         return Unit(*_SYMBOLS[text])
-    return next((Unit(_PREFIXES[prefix], dimension) for symbol, dimension in _WITH_PREFIX.items()
-                 if text.endswith(symbol) and (prefix := text.removesuffix(symbol)) in _PREFIXES),
-                None)
+    match = _FACTOR.fullmatch(text)
+    if match is None:
+        return None
+    factor, symbol = float(match[1] or 1.0), re.sub(r'[·⋅*.\- ]', '', match[2])
+    known, (above, _, below) = _SYMBOLS.get(symbol), symbol.partition('/')
+    one, other = _SYMBOLS.get(above), _SYMBOLS.get(below)
+    if (counts := _COUNTS.fullmatch(symbol)) and float(counts[1]):
+        known = 1.0 / float(counts[1]), 'counts' + '/time' * bool(counts[2])
+    elif one and other and other[1] == 'time' and '/' not in one[1]:
+        known = one[0] / other[0], f'{one[1]}/time'
+    if known is None or not factor or not math.isfinite(factor):
+        return None
+    return Unit(factor * known[0], known[1])
 
 
-def is_other_unit(text: str) -> bool:
-    """Return whether a text is a unit in which an effort stays as it is, such as V or 0.1 %."""
-    return text.strip().lstrip('+-.0123456789').strip(' *').lower() in OTHER_UNITS
+def other_unit(text: str) -> tuple[float, str] | None:
+    """Return factor and name of a unit in which an effort stays as it is, such as V or 0.1 %."""
+    match = _FACTOR.fullmatch(text.strip().lower())
+    name = OTHER_UNITS.get(match[2]) if match else None
+    return (float(match[1] or 1.0), name) if match and name else None
 
 
 def unit_of(signal: str, text: str) -> Unit | None:
@@ -137,14 +119,10 @@ def unit_of(signal: str, text: str) -> Unit | None:
     return None
 
 
-def unit_factor(signal: str, unit: str) -> float:
-    """Return the factor that converts a column's numbers to SI units.
-
-    Raises InputError if the unit is not known for this signal.
-    """
-    known = unit_of(signal, unit)
-    if known is not None:
-        return known.factor
+def check_unit(signal: str, unit: str) -> None:
+    """Raise InputError if a signal cannot have a unit."""
+    if unit_of(signal, unit) or (signal == 'effort' and other_unit(unit)):
+        return
     possible = ', '.join(_EXAMPLES[one] for one in DIMENSIONS[signal] if one in _EXAMPLES)
     others = '; values in V, %, counts, PWM or another of a drive stay as they are'
     raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible or "none"}, '
@@ -152,15 +130,6 @@ def unit_factor(signal: str, unit: str) -> float:
                      + others * (signal == 'effort'))
 
 
-def signal_with_unit(unit: str) -> str | None:
-    """Return a signal that has a known unit which effort cannot have, else None."""
-    signals = [signal for signal in DIMENSIONS if unit_of(signal, unit) is not None]
-    if not signals or 'effort' in signals:
-        return None
-    # Counts may be those of a timer, but are seldom.
-    return 'position' if 'position' in signals else signals[0]
-
-
-def si_unit(signal: str, dimension: str = '') -> str:
-    """Return the SI unit of a signal, or of a dimension that it has; '' if there is none."""
-    return _SI.get(dimension or next(iter(DIMENSIONS[signal]), ''), '')
+def si_unit(signal: str) -> str:
+    """Return the SI unit of a signal; '' if there is none."""
+    return _SI.get(next(iter(DIMENSIONS[signal]), ''), '')

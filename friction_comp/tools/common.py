@@ -101,7 +101,7 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument(
             'recordings' if several else 'recording', metavar='RECORDING', type=Path,
             nargs='+' if several else None, action='store' if several else _Once,
-            help='rosbag2 folder, .mcap or .bag file, or table (.csv, .parquet, .npz, .mat, .h5; '
+            help='rosbag2 folder, .mcap file, or table (.csv, .parquet, .npz, .mat, .h5; '
             'with a signal each, q.csv+tau.csv)'
             + ('; or a folder of recordings other than tables' if several else ''))
         self.add_argument('--joint', metavar='NAME', help='the joint, where there are several; '
@@ -169,8 +169,8 @@ def layout_of(arguments: Namespace) -> Layout:
     if arguments.damping and not arguments.stiffness:
         raise InputError('--damping goes with --stiffness, the other gain of the controller')
     try:
-        return Layout(columns, units, arguments.rate, _gains(arguments.stiffness),
-                      _gains(arguments.damping), arguments.joint or '')
+        return Layout(columns, units, arguments.rate, _gain(arguments.stiffness),
+                      _gain(arguments.damping), arguments.joint or '')
     except InputError as error:
         raise InputError(f'--columns or --unit: {error}') from None
 
@@ -189,13 +189,10 @@ def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time
     return pairs
 
 
-def _gains(text: str | None) -> tuple[float | str, ...]:
-    def read(one: str) -> float | str:
-        try:
-            return check_number(float(one), 'a gain', least=0.0)
-        except ValueError:
-            return one
-    return tuple(read(one.strip()) for one in text.split(',')) if text else ()
+def _gain(text: str | None) -> float | str | None:
+    with suppress(ValueError):
+        return text and check_number(float(text), 'a gain', least=0.0)
+    return text
 
 
 def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
@@ -208,12 +205,12 @@ def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
 
     layout = layout_of(arguments)
     recordings = find_recordings(arguments.recordings)
-    for index, path in enumerate(recordings):
+    for path in recordings:
         if is_table(path) and not path.is_dir():
             means = without_time(Table(path).names, layout, path) if len(recordings) == 1 else None
             if means:
                 return means
-            TableRecording(path, layout.of_recording(index, len(recordings)))
+            TableRecording(path, layout)
     return None
 
 

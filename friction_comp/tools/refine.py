@@ -8,7 +8,7 @@ from pathlib import Path
 
 from friction_comp.errors import InputError
 from friction_comp.number_text import in_own_units
-from friction_comp.tables.units import signal_with_unit
+from friction_comp.tables.units import parse_unit, unit_of
 from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, check_tables, given_of, positive, whole_number
 
@@ -74,8 +74,7 @@ def _units(text: str | None) -> tuple[str | None, str | None]:
     """Return the units of columns and the unit of the figures, one of which ``--unit`` gives."""
     if not text or '=' in text:
         return text, None
-    other = signal_with_unit(text)
-    if other or ':' in text:
+    if ':' in text or (parse_unit(text) and not unit_of('effort', text)):
         raise InputError(f'--unit: {text!r} is no unit of effort; that of a column is given as '
-                         f'SIGNAL=UNIT, for instance {other or "position"}={text.split(":")[-1]}')
+                         f'SIGNAL=UNIT, for instance position={text.split(":")[-1]}')
     return None, text
