@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import lsim
+from scipy.signal import lfilter, lsim
 
 from friction_comp.identification import cycles as twice
 from friction_comp.identification.curves import fit_sigmoid
@@ -227,6 +227,14 @@ def test_nothing_is_said_of_a_rigid_joint_and_two_speeds_are_enough(noise):
         found = steadiest_inertia(done[-count:])
         assert found.acceleration_per_current == pytest.approx(RATE, rel=0.03)
         assert not said_of(found)
+
+
+@pytest.mark.parametrize('lag', [0.005, 0.01, 0.03])
+def test_a_current_that_is_measured_behind_a_low_pass_does_not_bias_inertia(lag):
+    share = -math.expm1(-1e-3 / lag)
+    late = [np.column_stack([*rows.T[:2], lfilter([share], [1.0, share - 1.0], rows[:, 2])])
+            for rows in swinging()]
+    assert steadiest_inertia(late).acceleration_per_current == pytest.approx(RATE, rel=0.03)
 
 
 @pytest.mark.parametrize('counts', [700, 1200])

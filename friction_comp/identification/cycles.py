@@ -47,8 +47,9 @@ _SMOOTHING, _PASSES, _FAST = 0.008, 3, 0.5
 # motion follows it, s: velocity controllers of 10 to 100 rad/s.
 _SHARES, _SPEEDS = (0.0, 0.1, 0.4, 0.6, 0.9, 1.0), (0.0, 1.0, 1.0, -1.0, -1.0, 0.0)
 _FOLLOWS = (0.0, 0.03, 0.1)
-# Inertia must explain this share, and of other speeds this one to be compared.
-_EXPLAINED, _COMPARED = 0.8, 0.5
+# Inertia must explain this share, and of other speeds this one to be compared. A lag is taken that
+# leaves at most this share of what none leaves unexplained.
+_EXPLAINED, _COMPARED, _LESS = 0.8, 0.5, 0.5
 
 
 @dataclass(frozen=True)
@@ -273,7 +274,7 @@ def steadiest_inertia(cycles: Sequence[np.ndarray]) -> Inertia | None:
 
 
 def _products(cycle: np.ndarray) -> np.ndarray:
-    """Return products of speed, acceleration and current that follow the profile, (3, 3).
+    """Return products of speed, acceleration, slope of current, current as in the profile, (4, 4).
 
     They are without Coulomb friction, which is that of this cycle in either direction.
     """
@@ -292,7 +293,8 @@ def _products(cycle: np.ndarray) -> np.ndarray:
             signals, max(int(_SMOOTHING * duration / step), 3), axis=0, mode='nearest')
     speed = np.gradient(signals[:, 0], step)
     chosen = np.abs(speed) > _FAST * float(np.max(np.abs(speed)))
-    columns = np.column_stack([speed, np.gradient(speed, step), signals[:, 1]])[chosen]
+    columns = np.column_stack([speed, np.gradient(speed, step), np.gradient(signals[:, 1], step),
+                               signals[:, 1]])[chosen]
     sides = np.column_stack([speed > 0.0, speed < 0.0]).astype(float)[chosen]
     basis, sides = orth(np.column_stack([sides, signals[chosen, 2:]])), orth(sides)
     follows = basis @ (basis.T @ columns)
@@ -305,9 +307,16 @@ def _explained(products: Sequence[np.ndarray]) -> tuple[float, float]:
 
     `products` are those of some cycles, each with its own viscous friction.
     """
-    sums = sum(own[1:, 1:] - np.outer(own[1:, 0], own[0, 1:]) / own[0, 0] for own in products)
-    per = float(sums[0, 1] / max(sums[0, 0], 1e-300))
-    return per, float(sums[1, 1] - per * sums[0, 1]) / max(float(sums[1, 1]), 1e-300)
+    sums = np.sum([own[1:, 1:] - np.outer(own[1:, 0], own[0, 1:]) / own[0, 0]
+                   for own in products], axis=0)
+    sizes = np.maximum(np.sqrt(np.diag(sums)), 1e-150)
+    alike = sums / np.outer(sizes, sizes)
+    plain = alike[:1, 2]
+    late = np.linalg.lstsq(alike[:2, :2], alike[:2, 2], rcond=None)[0]
+    left = [float(1.0 - found @ alike[:len(found), 2]) for found in (plain, late)]
+    # Behind a filter, a current's own slope makes up for its lag.
+    found, unexplained = (late, left[1]) if left[1] < _LESS * left[0] else (plain, left[0])
+    return float(found[0] * sizes[2] / sizes[0]), unexplained
 
 
 def _late(values: np.ndarray, lag: float, step: float) -> np.ndarray:

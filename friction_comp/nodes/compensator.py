@@ -22,18 +22,8 @@ from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import load_compiled_code, Loaded, try_model
 from friction_comp.errors import InputError
 from friction_comp.model.motor_check import doubts, is_to_be_recorded_again, TORQUE, unit_of
+from friction_comp.ros import node_parts as parts
 from friction_comp.ros.joint_io import CommandPort, competing_publishers, QOS
-from friction_comp.ros.node_parts import (
-    described,
-    Diagnostics,
-    ERROR,
-    load_models,
-    names_in,
-    OK,
-    Rate,
-    Settings,
-    WARN,
-)
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO, nanoseconds
 
@@ -42,17 +32,17 @@ STAMPED = 'direction_stamped'
 _CHECK_PERIOD = 0.1
 # What changes what a law commands: diagnostics show it where it is not the default, so that a
 # recording says under which settings its movements were made.
-_TUNING = [one for one in described('compensator')
+_TUNING = [one for one in parts.described('compensator')
            if one.name in ('breakaway_gain', 'gravity', 'current_limit')]
 
 
 class ConfiguredCompensator(CompensationLoop):
     """A loop with its topics, while it is configured; it answers while it is `active`."""
 
-    def __init__(self, node: Any, settings: Settings, loaded: Sequence[Loaded],
+    def __init__(self, node: Any, settings: parts.Settings, loaded: Sequence[Loaded],
                  faults: Faults) -> None:
         self._node, self._settings = node, settings
-        self._joints, self._rate = settings.joints, Rate()
+        self._joints, self._rate = settings.joints, parts.Rate()
         self._feeds: list[Any] = [None] * len(self._joints)
         self._tell(loaded)
         self.active = False
@@ -201,11 +191,11 @@ class CompensatorNode(LifecycleNode):
         self._candidates: list[Loaded] | None = None
         self._failure = ''
         self._faults = Faults(self.get_logger())
-        self._settings = Settings(self, 'compensator')
+        self._settings = parts.Settings(self, 'compensator')
         self.add_on_set_parameters_callback(self._load_candidates)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.create_service(Trigger, '~/reset_faults', self._on_reset)
-        self._diagnostics = Diagnostics(
+        self._diagnostics = parts.Diagnostics(
             self, self._report, self._settings.joints, 'compensation')
         steady_timer(self, _CHECK_PERIOD, self._check)
         for trigger in ((self.trigger_configure, self.trigger_activate)
@@ -219,8 +209,8 @@ class CompensatorNode(LifecycleNode):
 
         Those that refine wants to be recorded again only if `accepts` says so.
         """
-        loaded = []
-        for model, path in zip(load_models(files, self._settings.joints, for_motor=True), files):
+        loaded, joints = [], self._settings.joints
+        for model, path in zip(parts.load_models(files, joints, for_motor=True), files):
             if unit_of(model) == TORQUE and self._settings['command_interface'] == 'current':
                 raise InputError(
                     f'{path}: its figures are in N·m, the commands in A: set command_interface to '
@@ -237,7 +227,7 @@ class CompensatorNode(LifecycleNode):
         self._candidates, told = None, []
         try:
             if self._configured is not None and 'model_files' in given:
-                files = names_in(given['model_files'] or ())
+                files = parts.names_in(given['model_files'] or ())
                 accepts = given.get('accept_record_again', self._settings['accept_record_again'])
                 self._candidates = self.executor.do_beside(
                     partial(self._load, files, accepts), ', '.join(files))
@@ -259,20 +249,17 @@ class CompensatorNode(LifecycleNode):
         if self._ending:
             return TransitionCallbackReturn.FAILURE
         try:
-            models = self._load(names_in(self._settings['model_files']),
+            models = self._load(parts.names_in(self._settings['model_files']),
                                 self._settings['accept_record_again'])
             self._configured = ConfiguredCompensator(self, self._settings, models, self._faults)
-        except InputError as error:
-            self._failure = str(error)
-            self.get_logger().error(self._failure)
-            return TransitionCallbackReturn.FAILURE
         except Exception as error:
             # rclpy would hide it.
-            self._failure = f'configuration failed: {error!r}'
-            self.get_logger().error(traceback.format_exc())
+            expected = isinstance(error, InputError)
+            self._failure = str(error) if expected else f'configuration failed: {error!r}'
+            self.get_logger().error(self._failure if expected else traceback.format_exc())
             return TransitionCallbackReturn.FAILURE
         self._set_state('inactive', 'configured')
-        return super().on_configure(state)
+        return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Start to answer joint states."""
@@ -282,31 +269,30 @@ class CompensatorNode(LifecycleNode):
         self._set_state('active', 'active: commands ' + (
             'nothing while another node may command the motor' if self._configured.yields
             else 'the motor'))
-        return super().on_activate(state)
+        return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
         """Command zero current and stop publishing."""
         if self._configured is not None:
             self._configured.deactivate()
         self._set_state('inactive', 'inactive: zero current')
-        return super().on_deactivate(state)
+        return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
         """Release topics and models."""
-        self._disconnect()
-        self._set_state('unconfigured', 'cleaned up')
-        return super().on_cleanup(state)
+        return self._released('unconfigured', 'cleaned up')
 
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
         """Command zero current if the node was active, and release everything."""
-        self._disconnect()
-        self._set_state('finalized', 'shut down')
-        return super().on_shutdown(state)
+        return self._released('finalized', 'shut down')
 
     def on_error(self, state: Any) -> TransitionCallbackReturn:
         """Command zero current; the node can be configured again."""
+        return self._released('unconfigured', 'an error in a transition')
+
+    def _released(self, state: str, text: str) -> TransitionCallbackReturn:
         self._disconnect()
-        self._set_state('unconfigured', 'an error in a transition')
+        self._set_state(state, text)
         return TransitionCallbackReturn.SUCCESS
 
     def _set_state(self, state: str, text: str) -> None:
@@ -351,12 +337,10 @@ class CompensatorNode(LifecycleNode):
                   'model_files': str(list(self._settings['model_files']))}
         if configured is not None:
             values.update(configured.values())
-        fault = self._faults.worst
-        if fault:
-            return (*fault, values)
+        if self._faults.worst:
+            return (*self._faults.worst, values)
         if self._failure:
-            return ERROR, self._failure, values
-        if configured is None or not configured.active:
-            return OK, self._state, values
-        well, text = configured.status()
-        return OK if well else WARN, text, values
+            return parts.ERROR, self._failure, values
+        well, text = (configured.status() if configured is not None and configured.active
+                      else (True, self._state))
+        return parts.OK if well else parts.WARN, text, values

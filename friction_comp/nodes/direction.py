@@ -43,18 +43,18 @@ class DirectionNode(Node):
     def __init__(self) -> None:
         super().__init__('direction')
         settings = self._settings = Settings(self, 'direction')
-        self._joints, source = settings.joints, settings['source']
-        self._said = [Announcement(0, 'starts') for _ in self._joints]
-        self._position = np.full(len(self._joints), np.nan)
-        self._seen = -math.inf
-        self._columns = JointColumns(self._joints)
+        joints, source = settings.joints, settings['source']
+        self._joints = joints
+        self._columns, self._desired = JointColumns(joints), JointColumns(joints)
+        self._said = [Announcement(0, 'starts') for _ in joints]
+        self._position, self._seen = np.full(len(joints), np.nan), -math.inf
         self._refused = ''
         self._sensors: list[ForceDirection] = []
         self._qos = QOS[settings['input_reliability']]
         self._at: Callable[[float], list[Announcement]] = getattr(self, f'_begin_{source}')()
-        self._message = JointState(name=list(self._joints))
+        self._message = JointState(name=list(joints))
         self._announcements = self.create_publisher(JointState, 'direction_stamped', RELIABLE)
-        Diagnostics(self, self._report, self._joints, f'direction by {source}')
+        Diagnostics(self, self._report, joints, f'direction by {source}')
         self.create_service(Trigger, '~/calibrate', self._on_calibrate,
                             callback_group=ReentrantCallbackGroup())
         self.fast_timers = [self.create_timer(1.0 / settings['rate'], self._announce)]
@@ -74,7 +74,6 @@ class DirectionNode(Node):
     def _begin_reference(self) -> Callable[[float], list[Announcement]]:
         motions = self._motions = [
             DesiredMotion(self._settings['least_speed']) for _ in self._joints]
-        self._desired = JointColumns(self._joints)
         self.create_subscription(JointState, 'reference', self._on_reference, self._qos)
         self._listen([motion.motion for motion in motions])
         return lambda time: [motion.at(time, float(position)) for motion, position in zip(
@@ -93,8 +92,7 @@ class DirectionNode(Node):
 
     def _listen(self, motions: list[Any]) -> None:
         def take(message: Any) -> None:
-            position, _, _ = self._columns.read(message)
-            now = self._now()
+            position, now = self._columns.read(message)[0], self._now()
             self._position = np.where(np.isfinite(position), position, self._position)
             self._seen = now
             for motion, value in zip(motions, position.tolist()):
@@ -109,8 +107,7 @@ class DirectionNode(Node):
     def _on_trajectory(self, message: Any) -> None:
         now, stamp = self._now(), nanoseconds(message.header.stamp)
         try:
-            times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec
-                     for point in message.points]
+            times = [nanoseconds(point.time_from_start) / NANO for point in message.points]
             if {len(point.positions) for point in message.points} - {len(message.joint_names)}:
                 raise InputError('a plan needs a position of each joint at every point')
             self._plan.take(
@@ -122,22 +119,18 @@ class DirectionNode(Node):
             self._refuse(f'the plan was refused: {error}')
 
     def _on_reference(self, message: Any) -> None:
-        position, _, _ = self._desired.read(message)
-        now = self._now()
+        position, now = self._desired.read(message)[0], self._now()
         for motion, value in zip(self._motions, position.tolist()):
             motion.take(now, value)
 
     def _on_sensor(self, message: Any) -> None:
         """Take samples of all joints, the oldest first."""
-        width = len(self._joints)
-        values = np.array(message.data)
-        if not len(values) or len(values) % width:
-            self._refuse(f'sensor: {len(values)} values are not a multiple of {width}')
+        width, count, now = len(self._joints), len(message.data), self._now()
+        if not count or count % width:
+            self._refuse(f'sensor: {count} values are not a multiple of {width}')
             return
-        samples = values.reshape(-1, width)
-        now = self._now()
         for j in range(width):
-            self._feel(j, now, samples[:, j])
+            self._feel(j, now, message.data[j::width])
         self._refused = ''
 
     def _on_wrench(self, message: Any) -> None:
@@ -176,26 +169,23 @@ class DirectionNode(Node):
     def _announce(self) -> None:
         now = self._now()
         self._said = self._at(now)
-        self._say(now, [said.direction for said in self._said], [said.end for said in self._said],
-                  [said.is_pushed for said in self._said])
+        self._say(now)
 
-    def _say(self, now: float, directions: list[int], ends: list[float], pushes: list[bool]
-             ) -> None:
-        set_stamp(self._message.header.stamp, round(now * NANO))
-        self._message.velocity = array('d', directions)
-        self._message.position = array('d', ends)
-        self._message.effort = array('d', pushes)
-        self._announcements.publish(self._message)
+    def _say(self, now: float) -> None:
+        message, said = self._message, self._said
+        set_stamp(message.header.stamp, round(now * NANO))
+        message.velocity = array('d', [one.direction for one in said])
+        message.position = array('d', [one.end for one in said])
+        message.effort = array('d', [one.is_pushed for one in said])
+        self._announcements.publish(message)
 
     def _report(self) -> Any:
         values: dict[str, Any] = {
             'direction': [said.direction for said in self._said],
             'end [rad]': [said.end for said in self._said],
             **{f'{joint}: reason': said.reason for joint, said in zip(self._joints, self._said)}}
-        faults = [f'{joint}: {said.reason}' for joint, said in zip(self._joints, self._said)
-                  if said.fault]
-        if self._refused:
-            faults.append(self._refused)
+        faults = [*(f'{joint}: {said.reason}' for joint, said in zip(self._joints, self._said)
+                    if said.fault), *filter(None, [self._refused])]
         if faults:
             return WARN, '; '.join(faults), values
         return OK, 'announces' if any(said.direction for said in self._said) else 'waits', values
@@ -203,4 +193,5 @@ class DirectionNode(Node):
     def leave(self) -> None:
         """Announce no direction."""
         if self.context.ok():
-            self._say(self._now(), [0] * len(self._joints), [], [])
+            self._said = [Announcement(0, 'the node ends') for _ in self._joints]
+            self._say(self._now())

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray, MultiArrayDimension
@@ -25,20 +24,16 @@ from friction_comp.ros.joint_io import QOS, RELIABLE
 from friction_comp.ros.node_parts import Diagnostics, OK, Settings, WARN
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
-# Discovery may finish at different times at both ends of a connection; real s.
-_DISCOVERY_TIME = 0.5
-# Longest wait for the acknowledgement of each topic's last messages, s.
-_ACKNOWLEDGEMENT_TIME = 0.5
+# Real s: discovery may finish at different times at both ends of a connection; longest wait for the
+# acknowledgement of each topic's last messages.
+_DISCOVERY_TIME = _ACKNOWLEDGEMENT_TIME = 0.5
 # Parameters of the note's movement.
 _MOVEMENT = ('amplitude', 'speed', 'acceleration_time', 'standstill', 'announcement',
              'repetitions')
 
 
 class ExerciseNode(Node):
-    """Publishes `reference`, `direction` and `direction_stamped`.
-
-    Movements are relative to the positions at the beginning. `direction_stamped` also says where
-    they end.
+    """Publishes `reference`, `direction` and `direction_stamped`, from the first positions on.
 
     With `clock: ticks`, every tick of `/clock` is answered by the direction and then the reference
     with the tick's stamp, a repeated tick again. A plant in lockstep publishes its next joint
@@ -50,16 +45,16 @@ class ExerciseNode(Node):
         super().__init__('exercise')
         self.finished = False
         settings = self._settings = Settings(self, 'exercise')
-        self._joints = settings.joints
+        joints = self._joints = settings.joints
         self._at: Callable[[float], Any]
         self._ends: Callable[[float], Any]
         if file := settings['exercise_file']:
-            exercise = load_exercise(file).of(self._joints)
+            exercise = load_exercise(file).of(joints)
             self._at, self._ends, self._duration = exercise.at, exercise.ends, exercise.duration
         else:
             # The same movement of all joints.
             movement = ReferenceMovement(**{name: settings[name] for name in _MOVEMENT})
-            self._duration, size = movement.duration, len(self._joints)
+            self._duration, size = movement.duration, len(joints)
             self._at = lambda time: [np.full(size, one) for one in movement.at(time)]
             self._ends = lambda time: np.full(size, movement.end(movement.at(time)[2]))
         # Ticks: the start of the movement, the first and the last one, ns; the time of the last
@@ -69,71 +64,63 @@ class ExerciseNode(Node):
         self._last: int | None = None
         self._time: float | None = None
         self._connected_since: float | None = None
-        self._columns = JointColumns(self._joints)
-        self._origin: np.ndarray | None = None
-        # Several drivers may each publish some of the joints.
-        self._received = np.full(len(self._joints), np.nan)
-        self._connect(QOS[settings['input_reliability']])
-
-    def _connect(self, qos: QoSProfile) -> None:
-        self._reference, self._announced = (
-            JointState(name=list(self._joints)) for _ in range(2))
+        self._columns, self._origin = JointColumns(joints), np.full(len(joints), np.nan)
+        self._reference, self._announced = (JointState(name=list(joints)) for _ in range(2))
         self._direction = Int8MultiArray()
         self._direction.layout.dim = [MultiArrayDimension(
-            label='joint', size=len(self._joints), stride=len(self._joints))]
-        self._references = self.create_publisher(JointState, 'reference', RELIABLE)
-        self._directions = self.create_publisher(Int8MultiArray, 'direction', RELIABLE)
-        self._announcements = self.create_publisher(JointState, 'direction_stamped', RELIABLE)
-        Diagnostics(self, self._report, self._joints, 'exercise')
+            label='joint', size=len(joints), stride=len(joints))]
+        self._references, self._directions, self._announcements = (
+            self.create_publisher(type(message), topic, RELIABLE) for message, topic in (
+                (self._reference, 'reference'), (self._direction, 'direction'),
+                (self._announced, 'direction_stamped')))
+        Diagnostics(self, self._report, joints, 'exercise')
+        qos = QOS[settings['input_reliability']]
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)
-        self._ticking = self._settings['clock'] == 'ticks'
+        self._ticking = settings['clock'] == 'ticks'
         if self._ticking:
             self.create_subscription(
                 Clock, '/clock', lambda message: self._on_tick(nanoseconds(message.clock)), qos)
         else:
             self.fast_timers = [self.create_timer(
-                1.0 / self._settings['rate'],
+                1.0 / settings['rate'],
                 lambda: self._on_tick(self.get_clock().now().nanoseconds))]
 
     def _on_joint_states(self, message: Any) -> None:
         stamp = nanoseconds(message.header.stamp)
-        if self._ticking and (self._first is None or stamp < self._first):
-            # States before the first tick arrive at random, and would make runs differ.
-            return
-        position, _, _ = self._columns.read(message)
-        self._received = np.where(np.isfinite(position), position, self._received)
-        if np.isfinite(self._received).all():
-            self._origin = self._received
+        # States before the first tick arrive at random, and would make runs differ.
+        if not self._ticking or (self._first is not None and stamp >= self._first):
+            # Several drivers may each publish some of the joints.
+            position, _, _ = self._columns.read(message)
+            self._origin = np.where(np.isfinite(position), position, self._origin)
 
     def _on_tick(self, now: Any) -> None:
         # Ignore ticks after the end, so that time stops at a reproducible tick.
         if self.finished or not self._has_listeners():
             return
+        known = bool(np.isfinite(self._origin).all())
         if now == self._last:
             # A tick is repeated if its answer was lost. A direction without a stamp would be taken
             # for one of now.
             self._announcements.publish(self._announced)
             self._references.publish(self._reference)
             return
-        if self._ticking and self._origin is None and self._first is not None:
+        if self._ticking and not known and self._first is not None:
             # The joint states since the first tick have not arrived yet. A plant that waits for an
             # answer repeats the last of them; until then time must not advance.
             return
         self._last = now
         self._first = now if self._first is None else self._first
         set_stamp(self._reference.header.stamp, now)
-        if self._origin is None:
-            # Joint states need time to advance; nobody holds the joints until then.
-            self._reference.name = []
-            self._set_direction([0] * len(self._joints), [])
-            self._publish()
+        # Joint states need time to advance; nobody holds the joints until then.
+        self._reference.name = list(self._joints) if known else []
+        if not known:
+            self._publish([0] * len(self._joints), [])
             return
         if self._start is None or now < self._start:
             if self._start is None:
                 self.destroy_subscription(self._origin_subscription)
             self._start = now
-            self._reference.name = list(self._joints)
         self._move((now - self._start) / NANO)
 
     def _has_listeners(self) -> bool:
@@ -148,57 +135,43 @@ class ExerciseNode(Node):
         return monotonic() - self._connected_since > _DISCOVERY_TIME
 
     def _move(self, time: float) -> None:
-        position, velocity, direction = self._at(time)
+        self._time, (position, velocity, direction) = time, self._at(time)
         ends = self._ends(time)
         if not self._settings['announce_direction']:
             direction, ends = np.zeros_like(direction), np.full_like(ends, math.nan)
-        self._time = time
-        self._set_direction(direction.astype(np.int8).tolist(), (self._origin + ends).tolist())
         self._reference.position = array('d', (self._origin + position).tobytes())
         self._reference.velocity = array('d', velocity.tobytes())
-        self._publish()
-        if time >= self._duration and self._settings['when_done'] == 'exit':
-            self.finished = True
+        self._publish(direction.astype(np.int8).tolist(), (self._origin + ends).tolist())
+        self.finished = time >= self._duration and self._settings['when_done'] == 'exit'
 
-    def _set_direction(self, direction: list[int], ends: list[float]) -> None:
+    def _publish(self, direction: list[int], ends: list[float], reference: bool = True) -> None:
         self._direction.data = array('b', direction)
         self._announced.header.stamp = self._reference.header.stamp
         self._announced.velocity = array('d', direction)
         self._announced.position = array('d', ends)
-
-    def _publish(self) -> None:
-        # The reference last: see the class.
-        self._announce()
-        self._references.publish(self._reference)
-
-    def _announce(self) -> None:
         self._directions.publish(self._direction)
         self._announcements.publish(self._announced)
+        # The reference last: see the class.
+        if reference:
+            self._references.publish(self._reference)
 
     def _report(self) -> Any:
         if self._time is None:
-            return WARN, self._describe_wait(), {}
+            missing = [joint for joint, position in zip(self._joints, self._origin)
+                       if not np.isfinite(position)]
+            return WARN, 'waits for ' + (
+                'listeners to the direction' if not self._has_listeners() else
+                f'a position of {", ".join(missing)} in joint_states' if missing else '/clock'), {}
         return OK, 'moving' if self._time < self._duration else 'done', {
             'time [s]': self._time, 'duration [s]': self._duration,
             'reference [rad]': self._reference.position,
             'reference velocity [rad/s]': self._reference.velocity,
             'direction': self._direction.data}
 
-    def _describe_wait(self) -> str:
-        """Return what the exercise waits for before it begins."""
-        if not self._has_listeners():
-            return 'waits for listeners to the direction'
-        if self._origin is not None:
-            return 'waits for /clock'
-        missing = [joint for joint, position in zip(self._joints, self._received)
-                   if not np.isfinite(position)]
-        return f'waits for a position of {", ".join(missing)} in joint_states'
-
     def leave(self) -> None:
         """Announce no direction."""
         if self.context.ok() and any(self._direction.data):
-            self._set_direction([0] * len(self._joints), [])
-            self._announce()
+            self._publish([0] * len(self._joints), [], reference=False)
         for publisher in (self._directions, self._announcements, self._references):
             # Lost messages are sent again only while the node exists.
             if self.context.ok():

@@ -1,10 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Moves a joint by motor currents in two actions: friction identification and trajectories.
-
-Friction is measured as in sections 2.3 and 2.4 of the note. Both actions share the supervision of
-the joint, and end with zero current after every fault.
-"""
+"""Moves a joint by motor currents in two actions: friction identification and trajectories."""
 
 from __future__ import annotations
 
@@ -24,24 +20,27 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from friction_comp.control import joint_states
-from friction_comp.control.joint_states import JointStateInput
 from friction_comp.control.watchdog import Watchdog
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder, file_names, to_yaml
-from friction_comp.identification.goal import (
-    Carried,
-    GOAL_LIMITS,
-    GRAVITY,
-    IdentificationGoal,
-    TrajectoryGoal,
-)
+from friction_comp.identification import goal as goals
+from friction_comp.identification.goal import IdentificationGoal, TrajectoryGoal
 from friction_comp.identification.run import IdentificationRun, TrajectoryRun
 from friction_comp.nodes.goal_server import GoalServer
 from friction_comp.ros import joint_io
-from friction_comp.ros.node_parts import Diagnostics, ERROR, load_models, OK, Rate, Settings, WARN
+from friction_comp.ros.node_parts import (
+    Diagnostics,
+    ERROR,
+    first_of,
+    load_models,
+    OK,
+    Rate,
+    Settings,
+    WARN,
+)
 from friction_comp.ros.ros_start import steady_timer
-from friction_comp.stamps import NANO
+from friction_comp.stamps import NANO, nanoseconds
 
 # Real s between checks of the publishers of joint_states, other commanders, and the client; and
 # between feedback messages.
@@ -63,39 +62,35 @@ class RunningGoal:
     index: int
     joint: str
     run: Any
-    # Publishes feedback, by its fields.
-    tell: Callable[..., None]
-    # Completed with why the goal ended too early, '' if it did not.
-    end: Future = field(default_factory=Future)
-    # Stamp of the first joint state, ns, and the places of all joints then, rad.
-    started: int | None = None
-    places: np.ndarray | None = None
-    # Real time, s.
-    last_feedback: float = -math.inf
-    # Whether a client has waited for the result, whether joint states are silent, and whether they
-    # were at the last check: in between, a state that waited to be read may say why.
-    had_client: bool = False
+    tell: Callable[..., None]       # publishes feedback, by its fields
+    end: Future = field(default_factory=Future)     # with why it ended too early, '' if it did not
+    started: int | None = None      # stamp of the first joint state, ns
+    places: np.ndarray | None = None    # of all joints then, rad
+    last_feedback: float = -math.inf    # real time, s
+    had_client: bool = False        # whether a client has waited for the result
+    # Whether joint states are silent, and were at the last check: in between, a state that waited
+    # to be read may say why.
     silent: bool = False
     was_silent: bool = False
 
 
 class IdentificationNode(Node):
-    """Serves one goal at a time; a second one is rejected while the first runs.
+    """Serves one goal at a time, which is the only time when it has a publisher of currents.
 
-    The node has a publisher of currents only during a goal, publishes one command per joint state,
-    and ends every goal with zero current.
+    It publishes one command per joint state, and ends every goal with zero current.
     """
 
     def __init__(self) -> None:
         super().__init__('identification')
         settings = self._settings = Settings(self, 'identification')
         self._joints = settings.joints
-        models = load_models(settings['model_files'], self._joints)
-        self._models, self._drives = models, [model.drive for model in models]
-        self._carried = Carried(self._joints, models, settings['gravity'] == GRAVITY[0])
+        self._models = load_models(settings['model_files'], self._joints)
+        self._drives = [model.drive for model in self._models]
+        self._carried = goals.Carried(
+            self._joints, self._models, settings['gravity'] == goals.GRAVITY[0])
         timeout = settings['joint_state_timeout']
-        self._defaults = {name: settings[f'default_{name}'] for name in GOAL_LIMITS}
-        self._states = JointStateInput(self._joints, round(NANO * timeout))
+        self._defaults = {name: settings[f'default_{name}'] for name in goals.GOAL_LIMITS}
+        self._states = joint_states.JointStateInput(self._joints, round(NANO * timeout))
         torques = [drive.torque_per_current for drive in self._drives]
         in_ampere = settings['effort_holds'] == 'current'
         self._per_effort = [1.0 if in_ampere else 1.0 / torque for torque in torques]
@@ -104,7 +99,7 @@ class IdentificationNode(Node):
         self._port = joint_io.CommandPort(
             self, [drive.current_limit for drive in self._drives], torques, interface)
         self._watchdog = Watchdog(timeout, self._on_silence).start()
-        self._rate, self._fresh = Rate(), -math.inf
+        self._rate, self._fresh, self._simulated = Rate(), -math.inf, settings['use_sim_time']
         # Joint index and run of the last request that was accepted.
         self._accepted: tuple[int, Any] = 0, None
         self._goal: RunningGoal | None = None
@@ -113,15 +108,14 @@ class IdentificationNode(Node):
                                  joint_io.QOS[settings['input_reliability']])
         steady_timer(self, _CHECK_PERIOD, self._check_connections)
         self._goals = GoalServer(self)
-        self._servers = [self._goals.serve(
-            kind, name, partial(self._accept, make_goal, make_run),
-            partial(self._move, name, kind.Feedback, finish),
-            lambda: self._end('cancelled on request'))
-            for kind, name, make_goal, make_run, finish in (
+        for kind, name, make_goal, make_run, finish in (
                 (IdentifyFriction, 'identify_friction', identification_goal, IdentificationRun,
                  self._finish_identification),
                 (PlayTrajectory, 'play_trajectory', trajectory_goal, TrajectoryRun,
-                 lambda _, j, __: f'moved {self._joints[j]} along the trajectory'))]
+                 lambda _, j, __: f'moved {self._joints[j]} along the trajectory')):
+            self._goals.serve(kind, name, partial(self._accept, make_goal, make_run),
+                              partial(self._move, name, kind.Feedback, finish),
+                              lambda: self._end('cancelled on request'))
         Diagnostics(self, self._report, self._joints, 'identification')
 
     def _accept(self, make_goal: Callable[..., Any], make_run: Callable[..., Any], request: Any
@@ -209,10 +203,6 @@ class IdentificationNode(Node):
         goal.run.abort(why)
         goal.end.set_result(why)
 
-    @property
-    def _simulated(self) -> bool:
-        return bool(self.get_clock().ros_time_is_active)
-
     def _on_joint_states(self, message: Any, info: Any) -> None:
         self._rate.count += 1
         if self._goal is not None and not self._port.ready:
@@ -254,11 +244,11 @@ class IdentificationNode(Node):
         if goal.started is None:
             goal.started = states.stamp
         at = (states.stamp - goal.started) / NANO
-        position, effort = float(states.position[index]), float(states.effort[index])
-        velocity = math.nan if states.velocity is None else float(states.velocity[index])
+        position, effort, velocity = (math.nan if values is None else float(values[index])
+                                      for values in (states.position, states.effort,
+                                                     states.velocity))
         if not math.isfinite(position) or not math.isfinite(effort):
-            raise InputError(
-                f'joint_states hold no finite position and effort of {goal.joint}')
+            raise InputError(f'joint_states hold no finite position and effort of {goal.joint}')
         measured = effort * self._per_effort[index]
         # From the first state on: a joint must not fall meanwhile.
         commands = self._carried.at(states.position)
@@ -299,18 +289,20 @@ class IdentificationNode(Node):
         goal = self._goal
         if goal is None:
             return
-        client = self.resolve_service_name(f'{goal.name}/_action/get_result')
-        others, clients = self._port.others(), self.count_clients(client)
+        clients = self.count_clients(self.resolve_service_name(f'{goal.name}/_action/get_result'))
         goal.had_client = goal.had_client or clients > 0
-        # Simulated time may stop: its last state then stays valid.
-        if goal.was_silent and goal.silent and not self._simulated:
-            self._end(_why_old(self._states, goal.joint, _SILENT))
-        elif not self.count_publishers(self.resolve_topic_name('joint_states')):
-            self._end('joint_states have no publisher any more')
-        elif goal.had_client and not clients:
-            self._end('the client of the goal is gone')
-        elif others:
-            self._end(f'{", ".join(others)} may command the motor too')
+        others = ', '.join(self._port.others())
+        for ends, why in (
+                # Simulated time may stop: its last state then stays valid.
+                (goal.was_silent and goal.silent and not self._simulated,
+                 _why_old(self._states, goal.joint, _SILENT)),
+                (not self.count_publishers(self.resolve_topic_name('joint_states')),
+                 'joint_states have no publisher any more'),
+                (goal.had_client and not clients, 'the client of the goal is gone'),
+                (others, f'{others} may command the motor too')):
+            if ends:
+                self._end(why)
+                break
         goal.was_silent = goal.silent
 
     def _report(self) -> Any:
@@ -320,12 +312,11 @@ class IdentificationNode(Node):
         if (goal := self._goal) is not None:
             values.update({'joint': goal.joint, 'phase': goal.run.phase,
                            'progress': float(goal.run.progress), 'command [A]': self._port.last})
-            return OK, f'{goal.name}: moves {goal.joint}', values
-        if self._goals.last.startswith('aborted'):
-            return ERROR, self._goals.last, values
-        if not self._states.stamp:
-            return WARN, 'no joint_states yet', values
-        return OK, 'ready', values
+        last = self._goals.last
+        return first_of(
+            values, (goal, OK, f'{goal.name}: moves {goal.joint}' if goal else ''),
+            (last.startswith('aborted'), ERROR, last),
+            (self._states.stamp, OK, 'ready'), (True, WARN, 'no joint_states yet'))
 
     def stop_motor(self) -> None:
         """Command zero current for good; may be called from any thread."""
@@ -340,7 +331,7 @@ class IdentificationNode(Node):
         self._watchdog.close()
 
 
-def _why_old(states: JointStateInput, joint: str, otherwise: str) -> str:
+def _why_old(states: joint_states.JointStateInput, joint: str, otherwise: str) -> str:
     """Return why there is no new state of a joint."""
     return states.wrong or (f'joint_states lack {joint}' if joint in states.missing else otherwise)
 
@@ -364,7 +355,7 @@ def trajectory_goal(request: Any, joints: list[str], defaults: dict[str, Any]
     if any(len(point.positions) != 1 or len(point.velocities) != 1 for point in points):
         raise InputError('a point of the trajectory lacks position or velocity')
     return index, TrajectoryGoal(
-        [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points],
+        [nanoseconds(point.time_from_start) / NANO for point in points],
         [point.positions[0] for point in points], [point.velocities[0] for point in points],
         request.ramp_slope or defaults['ramp_slope'] or None,
         request.ramp_period or defaults['ramp_period'])

@@ -26,12 +26,9 @@ from friction_comp.simulation.undeclared import Undeclared
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 # Real s between checks of a waiting plant in lockstep. It repeats its request at the second check
-# without an answer: by then, everything that had arrived has been processed.
-_CHECK_PERIOD = 0.1
-# Start of simulated time: in ROS, a stamp of zero means that there is none.
-_START_TIME = NANO
-# s between motor temperatures, which change slowly.
-_TEMPERATURE_PERIOD = 0.1
+# without an answer: by then, everything that had arrived has been processed. And s between motor
+# temperatures, which change slowly.
+_CHECK_PERIOD = _TEMPERATURE_PERIOD = 0.1
 # Samples of delay after which a real-time plant skips time.
 _LARGEST_LAG = 50
 
@@ -61,62 +58,52 @@ class PlantNode(Node):
         self._plant = self._make_plant(models)
         self._torque_per_current = np.array([m.drive.torque_per_current for m in models])
         self._sample = round(sample_time * NANO)
-        self._samples = self._origin = self._commanded_at = self._bad_commands = 0
+        self._samples = self._commanded_at = self._bad_commands = 0
         self._command = np.zeros(len(self._joints))
-        self._columns = JointColumns(self._joints)
-        self._rate = Rate()
-        self._make_ports()
-        if self._lockstep:
-            self._begin_lockstep()
-        else:
-            self._started, self._overruns = time.monotonic_ns(), 0
-            self._origin = self.get_clock().now().nanoseconds
-            self.fast_timers = [steady_timer(self, sample_time, self._on_time)]
-
-    def _make_ports(self) -> None:
+        self._columns, self._rate = JointColumns(self._joints), Rate()
         self._state_message = JointState(name=list(self._joints))
         self._wrench_messages, self._temperature_messages = (
             [kind(header=Header(frame_id=joint)) for joint in self._joints]
             for kind in (WrenchStamped, Temperature))
-        self._states = self.create_publisher(JointState, 'joint_states', RELIABLE)
-        self._wrench = self.create_publisher(WrenchStamped, 'interaction_wrench', RELIABLE)
-        self._temperature = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
+        self._states, self._wrench, self._temperature = (
+            self.create_publisher(kind, topic, RELIABLE) for kind, topic in (
+                (JointState, 'joint_states'), (WrenchStamped, 'interaction_wrench'),
+                (Temperature, 'motor_temperature')))
         self.create_subscription(JointState, 'reference', self._on_reference, RELIABLE)
-        interface = self._settings['command_interface']
+        interface = settings['command_interface']
         self._unit = UNIT_OF[interface]
         self._per_current = self._torque_per_current if interface == 'effort' else 1.0
         self.create_subscription(
             Float64MultiArray, 'current_command', self._on_command, RELIABLE)
         Diagnostics(self, self._report, self._joints, 'simulation')
-
-    def _begin_lockstep(self) -> None:
-        self._origin = _START_TIME
-        self._ticks = self.create_publisher(ClockMessage, '/clock', RELIABLE)
-        self._answered = self._published = self._nobody_holds = False
-        self._reference_stamp: int | None = None
-        self._ticked_sample, self._checks = -1, 0
-        steady_timer(self, _CHECK_PERIOD, self._repeat_requests)
-        self._advance()
+        if self._lockstep:
+            # In ROS, a stamp of zero means that there is none.
+            self._origin = NANO
+            self._ticks = self.create_publisher(ClockMessage, '/clock', RELIABLE)
+            self._answered = self._published = self._nobody_holds = False
+            self._reference_stamp: int | None = None
+            self._ticked_sample, self._checks = -1, 0
+            steady_timer(self, _CHECK_PERIOD, self._repeat_requests)
+            self._advance()
+        else:
+            self._started, self._overruns = time.monotonic_ns(), 0
+            self._origin = self.get_clock().now().nanoseconds
+            self.fast_timers = [steady_timer(self, sample_time, self._on_time)]
 
     def _make_plant(self, models: Any) -> Plant:
-        file, undeclared = self._settings['arm_file'], self._load_undeclared()
+        file, files = self._settings['arm_file'], self._settings['undeclared_effect_files']
         seed, sample_time = self._settings['seed'], self._settings['sample_time']
+        if any(files) and len(files) != len(self._joints):
+            raise InputError('parameter undeclared_effect_files: one per joint is needed (empty '
+                             f'for none), not {len(files)}')
+        undeclared = [Undeclared.from_file(path) if path else None
+                      for path in files] if any(files) else None
         if not file:
             return Plant(models, seed, undeclared, sample_time)
         # Imported here: MuJoCo is optional.
         from friction_comp.simulation.mujoco_plant import MujocoPlant
 
         return MujocoPlant(file, self._joints, models, seed, undeclared, sample_time)
-
-    def _load_undeclared(self) -> Any:
-        files = self._settings['undeclared_effect_files']
-        if not any(files):
-            return None
-        if len(files) != len(self._joints):
-            raise InputError(
-                'parameter undeclared_effect_files: one per joint is needed (empty for none), '
-                f'not {len(files)}')
-        return [Undeclared.from_file(path) if path else None for path in files]
 
     @property
     def _stamp(self) -> Any:
@@ -141,10 +128,9 @@ class PlantNode(Node):
                 wrench.wrench.torque.z = torque
                 self._wrench.publish(wrench)
         if self._samples % self._temperature_every == 0:
-            for reading, temperature in zip(
-                    self._temperature_messages, state.temperature.tolist()):
+            for reading, value in zip(self._temperature_messages, state.temperature.tolist()):
                 set_stamp(reading.header.stamp, stamp)
-                reading.temperature = temperature
+                reading.temperature = value
                 self._temperature.publish(reading)
         message = self._state_message
         set_stamp(message.header.stamp, stamp)
@@ -250,19 +236,13 @@ class PlantNode(Node):
             'command [A]': self._command,
             'commands not usable': self._bad_commands}
         if self._lockstep:
-            values['waits for'] = self._describe_wait()
+            waits = not self._samples and (
+                self._states.get_subscription_count() < self._settings['wait_for_listeners'])
+            values['waits for'] = ('current_command' if self._published else
+                                   'listeners to joint_states' if waits else 'reference')
         else:
             values['overruns'] = self._overruns
         if self._bad_commands:
             return (WARN, 'commands of wrong length, of another unit or not finite were taken as '
                     'zero', values)
         return OK, 'running', values
-
-    def _describe_wait(self) -> str:
-        if self._published:
-            return 'current_command'
-        listeners, wanted = (
-            self._states.get_subscription_count(), self._settings['wait_for_listeners'])
-        if not self._samples and listeners < wanted:
-            return f'listeners to joint_states ({listeners} of {wanted})'
-        return 'reference'

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from friction_comp.errors import InputError
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
-from friction_comp.ros.node_parts import Diagnostics, ERROR, OK, Rate, Settings, WARN
+from friction_comp.ros.node_parts import Diagnostics, ERROR, first_of, OK, Rate, Settings, WARN
 from friction_comp.ros.ros_start import steady_timer
 
 # Real s between writes to the disk.
@@ -31,8 +31,7 @@ class RecorderNode(Node):
         super().__init__('recorder')
         settings = Settings(self, 'recorder')
         output, model = settings['output'], settings['model_file']
-        self._rate = Rate()
-        self._counts = dict.fromkeys(RECORDED, 0)
+        self._rate, self._counts = Rate(), dict.fromkeys(RECORDED, 0)
         # No more messages are written, and why, if something went wrong.
         self._ended, self._failed = False, ''
         self._lost_before = self._lost_reported = 0
@@ -79,7 +78,7 @@ class RecorderNode(Node):
         return ', '.join(f'{topic.lost} {name}' for name, topic in self._topics.items()
                          if topic.lost)
 
-    def _report(self) -> tuple[Any, str, dict[str, Any]]:
+    def _report(self) -> tuple[Any, ...]:
         lost = sum(topic.lost for topic in self._topics.values())
         # Received, but not written before the joint states that date them arrive.
         waiting = Counter(topic for _, topic, *_ in self._dated.waiting)
@@ -93,13 +92,10 @@ class RecorderNode(Node):
             self.get_logger().warning(f'messages lost so far: {self._describe_lost()}')
             self._lost_reported = lost
         self._lost_before = lost
-        if self._failed:
-            return ERROR, self._failed, values
-        if lost:
-            return WARN, f'messages lost: {self._describe_lost()}', values
-        if not self._counts[STATES]:
-            return WARN, 'no joint_states yet', values
-        return OK, 'recording', values
+        return first_of(
+            values, (self._failed, ERROR, self._failed),
+            (lost, WARN, f'messages lost: {self._describe_lost()}'),
+            (self._counts[STATES], OK, 'recording'), (True, WARN, 'no joint_states yet'))
 
     def leave(self) -> None:
         """Write the waiting messages and finish the recording."""

@@ -32,18 +32,9 @@ from friction_comp.nodes.goal_server import GoalServer
 from friction_comp.recorded_drive.child import Refined, RefinementProcess
 from friction_comp.recorded_drive.given import Given
 from friction_comp.recordings.writer import RecordingWriter
+from friction_comp.ros import node_parts as parts
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.node_main import yield_to_executor
-from friction_comp.ros.node_parts import (
-    Diagnostics,
-    ERROR,
-    load_models,
-    names_in,
-    OK,
-    Rate,
-    Settings,
-    WARN,
-)
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO
 from friction_comp.tables.columns import Layout
@@ -61,12 +52,12 @@ _SLOW = {'interaction_wrench': (0, WrenchStamped, lambda message: message.wrench
 
 
 class Message(NamedTuple):
-    """A recorded message."""
+    """A recorded message: when it arrived, real s, its stamp, ns, topic, type and content."""
 
-    arrived: float    # real s
-    stamp: int    # ns
+    arrived: float
+    stamp: int
     topic: str
-    type_name: str
+    kind: str
     cdr: bytes
 
 
@@ -115,17 +106,17 @@ class RefinementNode(Node):
 
     def __init__(self) -> None:
         super().__init__('refinement')
-        settings = self._settings = Settings(self, 'refinement')
+        settings = self._settings = parts.Settings(self, 'refinement')
         self._joints = settings.joints
-        models = load_models(settings['model_files'], self._joints)
-        self._files = dict(zip(self._joints, names_in(settings['model_files'])))
+        models = parts.load_models(settings['model_files'], self._joints)
+        self._files = dict(zip(self._joints, parts.names_in(settings['model_files'])))
         self._residuals = {joint: LiveResidual(model, settings['tolerance'])
                            for joint, model in zip(self._joints, models)}
         self._past, self._memory = deque[Message](), settings['memory']
         self._in_ampere = settings['effort_holds'] == 'current'
         self._rows = LiveRows(self._joints, [
             1.0 if self._in_ampere else model.drive.torque_per_current for model in models])
-        self._rate = Rate()
+        self._rate = parts.Rate()
         # Model files of the compensator's joints, and when it was heard last to be active, real s.
         self._compensators: dict[str, str] = {}
         self._active = -math.inf
@@ -137,9 +128,8 @@ class RefinementNode(Node):
         self._topics = DatedTopics(self, self._keep, ('reference',)).topics
         steady_timer(self, _MONITORING_PERIOD, self._monitor)
         self._goals = GoalServer(self)
-        self._server = self._goals.serve(
-            RefineModel, 'refine_model', self._accept, self._execute)
-        Diagnostics(self, self._report, self._joints, 'refinement')
+        self._goals.serve(RefineModel, 'refine_model', self._accept, self._execute)
+        parts.Diagnostics(self, self._report, self._joints, 'refinement')
 
     def _keep(self, topic: str, stamp: int, cdr: bytes) -> None:
         cdr = bytes(cdr)
@@ -207,8 +197,8 @@ class RefinementNode(Node):
             self._job = None
         report = refined.report
         result.verdict, result.noise_floor = report.verdict, report.noise_floor
-        result.error_before = report.before.held_out_rmse
-        result.error_after = report.after.held_out_rmse
+        result.error_before, result.error_after = (
+            one.held_out_rmse for one in (report.before, report.after))
         result.effects = [effect.name for effect in report.effects]
         result.variables = [effect.variable for effect in report.effects]
         result.model_file, result.report = str(refined.model_file), str(refined.page)
@@ -252,7 +242,7 @@ class RefinementNode(Node):
         since = messages[-1].stamp - seconds * NANO if seconds > 0.0 else 0.0
         with RecordingWriter(path, {'recorded_by': 'friction_comp refinement'}) as writer:
             for number, message in enumerate(one for one in messages if one.stamp >= since):
-                writer.write(message.topic, message.type_name, message.stamp, message.cdr)
+                writer.write(message.topic, message.kind, message.stamp, message.cdr)
                 if number % _AT_ONCE == 0:
                     await yield_to_executor()
                     if why := self._ended(goal_handle):
@@ -260,17 +250,16 @@ class RefinementNode(Node):
 
     async def _load(self, joint: str, refined: Refined, result: RefineModel.Result) -> str:
         """Give the compensator the refined model if that may be; return what came of it."""
-        why = ''
-        if result.verdict == 'record again':
-            why = 'the data do not support it: record again'
-        elif not result.error_after < result.error_before:
-            why = 'it is not better than the initial model'
-        elif refined.model.drive != self._residuals[joint].model.drive:
-            why = "it has another drive's torque constant, gear ratio or current limit"
-        elif joint not in self._compensators:
-            why = f'no compensator of {joint} is running as {self._settings["compensator"]}'
-        if why:
-            return f'; not loaded: {why}'
+        for refused, why in (
+                (result.verdict == 'record again', 'the data do not support it: record again'),
+                (not result.error_after < result.error_before,
+                 'it is not better than the initial model'),
+                (refined.model.drive != self._residuals[joint].model.drive,
+                 "it has another drive's torque constant, gear ratio or current limit"),
+                (joint not in self._compensators,
+                 f'no compensator of {joint} is running as {self._settings["compensator"]}')):
+            if refused:
+                return f'; not loaded: {why}'
         files = {**self._compensators, joint: result.model_file}
         future = self._set.call_async(SetParameters.Request(parameters=[
             Parameter('model_files', value=list(files.values())).to_parameter_msg()]))
@@ -296,14 +285,12 @@ class RefinementNode(Node):
                            f'{joint}: model file': self._files[joint]})
             if not verdict.fits and not residual.blind:
                 misfits.append(f'{joint}: {text}: refine it')
-        if self._error:
-            return ERROR, self._error, values
-        if misfits:
-            return WARN, '; '.join(misfits), values
-        if self._job is not None:
-            return OK, f'refines: {self._job.step}', values
-        return (OK, 'watching', values) if self._rate.count else (
-            WARN, 'no joint_states yet', values)
+        job = self._job
+        return parts.first_of(
+            values, (self._error, parts.ERROR, self._error),
+            (misfits, parts.WARN, '; '.join(misfits)),
+            (job, parts.OK, f'refines: {job.step if job else ""}'),
+            (self._rate.count, parts.OK, 'watching'), (True, parts.WARN, 'no joint_states yet'))
 
     def leave(self) -> None:
         """End a running refinement."""

@@ -195,6 +195,11 @@ class Diagnostics:
                 yield name, value
 
 
+def first_of(values: dict[str, Any], *cases: tuple[Any, Any, str]) -> tuple[Any, ...]:
+    """Return what a node reports: level and text of the first case that applies, and values."""
+    return (*next((level, text) for applies, level, text in cases if applies), values)
+
+
 class Rate:
     """The rate of events, of which `count` is the number so far."""
 
