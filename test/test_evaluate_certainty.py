@@ -75,15 +75,6 @@ def test_few_repetitions_show_a_difference_far_larger_than_people_change():
     assert sum(found[80:]) <= 0.1 * 40
 
 
-def test_what_two_repetitions_show_is_not_judged():
-    comparison = peaks_of(session([0, 0, 1, 1], np.random.default_rng(0), help=0.5, scatter=0.01))
-    assert 'fewer than 5 repetitions' in comparison.untested
-    assert (comparison.p_value, comparison.without_drift.half) == (None, None)
-    assert comparison.difference == pytest.approx(-0.5, abs=0.05)
-    assert mean_interval([1.0, 2.0, 3.0, 4.0]).half is None
-    assert mean_interval([1.0, 2.0, 3.0, 4.0, 5.0]).half > 0.0
-
-
 def test_like_is_compared_with_like():
     random = np.random.default_rng(0)
     # What differs from day to day is no effect of what was recorded on one of them only.

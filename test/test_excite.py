@@ -74,11 +74,7 @@ def test_the_same_seed_gives_the_same_plan_and_another_another(plan):
     again, other = (plan_joint(ELBOW, pairs, 20.0, seed) for seed in (3, 4))
     assert plan == again
     assert plan.moves != other.moves
-    distances = [round(move.distance, 9) for move in plan.moves]
-    assert len(set(distances)) == len(distances)
-    speeds = [move.speed for move in plan.moves]
-    assert max(speeds) > 3.0 * min(speeds)
-    assert {np.sign(distance) for distance in distances} == {-1.0, 1.0}
+    assert len({round(move.distance, 9) for move in plan.moves}) == len(plan.moves)
 
 
 @pytest.mark.parametrize('pair', [
@@ -100,10 +96,6 @@ def test_separation_sees_what_cannot_be_told_apart():
                           coverage_within(limits, 40.0))[pairs[0]]
               for limits in (ELBOW, narrow)]
     assert shares[1] < 0.1 * shares[0]
-    # Motion that counts as standstill, far below the limit of velocity, separates nothing.
-    short = JointLimits('j', -0.01, 0.01, 6.0, 20.0)
-    assert separations(staircase(short, 40.0, 50.0), pairs, coverage_within(
-        replace(short, velocity=600.0), 40.0)) == {pairs[0]: 0.0}
 
 
 @short_search(0)
@@ -204,11 +196,3 @@ def test_the_tool_writes_plan_page_and_report(tmp_path, capsys):
 ])
 def test_wrong_input_is_one_line(wrong, words, refuses):
     refuses(words, 'excite', *PLAIN, *wrong)
-
-
-@pytest.mark.parametrize(('limits', 'words'), [
-    ((1.0, -1.0, 1.5, 6.0), 'is not below'), ((-1.0, 1e300, 1.5, 6.0), 'position must be'),
-    ((-1.0, 1.0, 1e300, 6.0), 'velocity must be'), ((-1.0, 1.0, 1.5, 1e-300), 'acceleration must')])
-def test_limits_that_no_joint_has_are_refused(limits, words):
-    with pytest.raises(InputError, match=words):
-        JointLimits('elbow', *limits)

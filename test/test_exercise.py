@@ -169,14 +169,6 @@ def test_a_movement_beyond_limits_of_speed_is_slowed_down_as_a_whole():
     assert np.ptp(slow.waypoints) == pytest.approx(slow.slowed * np.ptp(free.waypoints), rel=0.02)
 
 
-@pytest.mark.parametrize(('count', 'size', 'words'), [
-    (500, 0.005, 'no joint moves by more than 1 degree'), (10, 0.5, 'too short')])
-def test_what_does_not_move_is_no_exercise(count, size, words):
-    time = 0.01 * np.arange(count)
-    with pytest.raises(InputError, match=words):
-        teach(['a'], time, size * np.sin(time)[:, None])
-
-
 def test_the_tool_writes_an_exercise_or_nothing(tmp_path, capsys):
     time, path = guided()
     write_samples(tmp_path / 'guided', Samples(

@@ -136,6 +136,8 @@ SPRING = {'name': 'spring', 'parameters': {'position': 0.0, 'coefficients': [2.0
     ({'breakaway': {'positive': {'mean': 0.1}}}, 'negative'),
     ({'breakaway': {'positive': {'mean': 'x'}, 'negative': {'mean': -0.1}}}, 'positive_mean'),
     ({'breakaway': {'positive': {'mean': -0.1}, 'negative': {'mean': 0.1}}}, 'positive_mean'),
+    ({'presliding': {'distance': 0.0}}, 'presliding.distance'),
+    ({'presliding': {'distance': 1e-3, 'backlash': -1.0}}, 'presliding.backlash'),
     ({'uncertainty': -0.1}, 'uncertainty'), ({'position_limits': [1.0, 1.0]}, 'position_limits'),
     ({'lookup_table': {'speeds': [1.0], 'currents': []}}, 'lookup_table'),
     ({'recorded': {'speeds': [-1.0]}}, 'recorded.speeds'),

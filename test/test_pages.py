@@ -1,9 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages are self-contained; a figure has one value, and a colour one meaning."""
+"""Pages are self-contained, and a figure has one value."""
 
 from html.parser import HTMLParser
-from itertools import combinations
 import json
 import re
 
@@ -17,7 +16,7 @@ from friction_comp.number_text import number, quantity
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.evaluation_page import evaluation_page
-from friction_comp.reports.figures import band, COLOURS, panels, scatter
+from friction_comp.reports.figures import band, panels, scatter
 from friction_comp.reports.html import Report
 from friction_comp.reports.refinement_page import (
     effect_rows,
@@ -26,7 +25,6 @@ from friction_comp.reports.refinement_page import (
     refinement_page,
 )
 
-LIVE_PAGES = True
 VOID = {'meta', 'img', 'br', 'hr', 'link', 'input'}
 
 
@@ -98,20 +96,6 @@ def test_a_page_is_whole_needs_nothing_else_and_escapes_text():
         assert words in text.replace('\u00a0', ' ')
 
 
-def test_tables_align_numbers():
-    report = Report('Table')
-    report.table(['what', 'torque', 'count'], [
-        ['a', 1.2345, 10], ['b', -0.5, 2], ['c', None, None], ['d', float('nan'), 3]])
-    page = Page(report.html())
-    cells = [a.get('class') for a in page.of('td')]
-    assert cells == [None, 'number', 'number'] * 4
-    words = [word.strip() for word in page.words if word.strip()]
-    assert [w for w in words if w in ('1.23', '−0.500', '–', '10')] == [
-        '1.23', '10', '−0.500', '–', '–', '–']
-    with pytest.raises(ValueError, match='argument'):
-        report.table(['one'], [['a', 'b']])
-
-
 @pytest.mark.parametrize(('value', 'text'), [
     (None, '–'), (float('nan'), '–'), (0.0, '0'), (12, '12'), (1.23456, '1.23'),
     (-0.001234, '−0.00123'), (123456.0, '123456'), (1.5e-7, '1.50e−07'),
@@ -160,28 +144,6 @@ def test_nothing_is_judged_from_two_repetitions(evaluation):
     assert '±\u00a0' not in text
     assert 'p\u00a0' not in text
     assert 'That is not judged' in text
-
-
-# Colours that one figure may show together.
-TOGETHER = (('measured', 'predicted'), ('no help', 'unknown', 'known', 'other'),
-            ('no help', 'unknown', 'known', 'refined'), ('measured', 'out'))
-# Of red, green and blue, what the three cones see (Vienot, Brettel and Mollon 1999), and the cone
-# that protanopes and deuteranopes replace by the two others.
-CONES = np.array([[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714],
-                  [0.0299566, 0.184309, 1.46709]])
-BLIND = {None: np.eye(3), 'red': [[0, 2.02344, -2.52581], [0, 1, 0], [0, 0, 1]],
-         'green': [[1, 0, 0], [0.494207, 0, 1.24827], [0, 0, 1]]}
-
-
-@pytest.mark.parametrize('blind', BLIND)
-def test_colours_differ_for_people_of_any_colour_vision(blind):
-    def seen(colour):
-        rgb = np.array([int(COLOURS[colour][k:k + 2], 16) / 255.0 for k in (1, 3, 5)]) ** 2.2
-        rgb = np.linalg.solve(CONES, np.array(BLIND[blind]) @ CONES @ rgb)
-        return 255.0 * np.clip(rgb, 0.0, 1.0) ** (1 / 2.2)
-    for group in TOGETHER:
-        for one, other in combinations(group, 2):
-            assert np.linalg.norm(seen(one) - seen(other)) > 40.0, (one, other)
 
 
 def test_the_first_command_answers_in_25_lines(tmp_path, capsys):

@@ -7,21 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from friction_comp.errors import InputError
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
-from friction_comp.model.friction_model import FrictionModel, Presliding
 from friction_comp.simulation.joint import joint_sample, measure, start_joint
 from friction_comp.simulation.joint_parameters import JOINT_STATE, MEASURED
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import COLUMNS
 from simulated_recordings.random_gears import random_gear
-
-OLDER = {
-    'format': 'friction_comp_model', 'version': 1,
-    'drive': {'torque_constant': 0.119, 'gear_ratio': 100.0},
-    'sigmoid': {'coefficients': [0.1, 80.0, 0.1, 1.0, 1.0, 0.01], 'velocity_unit': 'rad/s'},
-    'presliding': {'distance': 3e-4, 'stiffness': 800.0}}
 
 
 def identified(gear):
@@ -55,15 +47,3 @@ def test_identification_finds_breakaway_and_presliding():
     assert abs(result.presliding.distance - gear.model.presliding.distance) < (
         0.3 * gear.model.presliding.distance + count)
     assert result.model(gear.model.drive).presliding == result.presliding
-
-
-def test_an_older_model_file_does_not_say_how_sure_its_presliding_is():
-    assert FrictionModel.from_dict(OLDER).presliding == Presliding(3e-4, 800.0)
-
-
-@pytest.mark.parametrize('changes', [
-    {'distance': 0.0}, {'distance': -1e-3}, {'distance': math.nan}, {'std': 0.0},
-    {'backlash': -1e-3}, {'backlash': math.inf}])
-def test_a_presliding_distance_is_positive_and_backlash_not_negative(changes):
-    with pytest.raises(InputError, match=rf'presliding\.{next(iter(changes))}'):
-        Presliding(**{'distance': 3e-4, **changes})
