@@ -74,30 +74,3 @@ def test_an_effect_that_exists_only_here(own_effect, tmp_path):
         for position in (0.4, -0.4))
     expected = GAIN * 0.5 * (np.exp(0.4 / REFERENCE) - np.exp(-0.4 / REFERENCE))
     assert tight - loose == pytest.approx(expected, rel=0.1)
-
-
-def test_without_the_new_effect_no_other_replaces_it():
-    report = refine([recording(1)]).report
-    assert 'tight_end' not in [effect.name for effect in report.effects]
-    assert 'position' in [entry.variable for entry in report.unexplained] + [
-        effect.variable for effect in report.effects]
-
-
-class Lagging(TightEnd):
-    """A memory that follows the position, told by `start` and `step` alone."""
-
-    name = 'lagging'
-    has_memory = True
-    constants = {}
-
-    @staticmethod
-    def step(state, dt, dq, velocity, c):
-        return 0.9 * state + dq
-
-
-def test_a_memory_is_computed_step_by_step_from_the_start_of_each_stretch():
-    samples = recording(2, duration=1.0)
-    expected = [0.0]
-    for way in np.diff(samples.position):
-        expected.append(0.9 * expected[-1] + way)
-    np.testing.assert_allclose(Lagging.memory(samples, 0.0, ()), expected)
