@@ -18,7 +18,7 @@ from bench_tools import table_parser
 import numpy as np
 
 from friction_comp import CompensationLaw
-from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.announced import DesiredMotion
 from friction_comp.direction.force_sensor import CALIBRATION_TIME, ForceDirection
 from friction_comp.simulation.cheap_sensors import CheapForce
 from law_judge.bank import Bank, Joints

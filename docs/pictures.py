@@ -7,9 +7,8 @@ import sys
 
 import numpy as np
 
-from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.announced import DesiredMotion, PlannedDirection
 from friction_comp.direction.force_sensor import ForceDirection
-from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.figures import (

@@ -14,7 +14,7 @@ from friction_comp.compensation.law_kernel import LATE
 from friction_comp.compensation.law_parameters import SHARE
 from friction_comp.control.feed_forward import changes, feed_forward
 from friction_comp.errors import InputError
-from friction_comp.exercise.reference_movement import ReferenceMovement
+from friction_comp.exercise.exercise_script import ReferenceMovement
 from friction_comp.model.effects import EFFECTS, RESISTS
 from friction_comp.model.effects.kinds import Inertia, LoadFriction, Temperature
 from friction_comp.model.friction_model import FrictionModel

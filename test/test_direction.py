@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.announced import DesiredMotion, PlannedDirection
 from friction_comp.direction.force_sensor import CALIBRATION_TIME, ChangeTest, ForceDirection
-from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.errors import InputError
 from friction_comp.simulation.cheap_sensors import CheapForce, FAULTS
 

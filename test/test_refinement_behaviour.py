@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.exercise.reference_movement import ReferenceMovement
+from friction_comp.exercise.exercise_script import ReferenceMovement
 from friction_comp.note.experiments import with_breakaway_error
 from friction_comp.refinement import refine
 from friction_comp.simulation.joint import Plant

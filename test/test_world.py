@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
-from friction_comp.exercise.reference_movement import ReferenceMovement
+from friction_comp.exercise.exercise_script import ReferenceMovement
 from friction_comp.simulation.friction_level import draw_levels, friction_level
 from friction_comp.simulation.joint import Plant, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE

@@ -86,9 +86,9 @@ def play_arm(system: DemoSystem) -> None:
                   announce_direction=False)
     gains = {joint: model.drive.torque_per_current for joint, model in drives.items()}
     guided = _recorded_joints(system.recording('taught'), gains)
-    taught = teach(list(ARM), guided['turn'].time, np.column_stack(
+    taught, _ = teach(list(ARM), guided['turn'].time, np.column_stack(
         [guided[joint].position for joint in ARM]))
-    write_atomically(exercise, to_yaml(taught.document))
+    write_atomically(exercise, to_yaml(taught))
     system.ros.set_parameter('compensator', 'law', 'none')
     system.record('alone', 'the taught exercise, without any help', exercise_file=exercise)
     alone = _recorded_joints(system.recording('alone'), gains)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.direction.joint_motion import Announcement, JointMotion, STILL
+from friction_comp.direction.announced import Announcement, JointMotion, STILL
 from friction_comp.errors import InputError
 
 CALIBRATION_TIME = 3.0
@@ -33,8 +33,8 @@ _REARM, _OVER = 0.3, 0.15
 class ChangeTest:
     """Tests values for a rise or a fall from their level at rest; learnt from values at rest, (N,).
 
-    `level` and `scatter` (a standard deviation) follow the values while `follow` is called. `alarm`
-    is +1 or -1 while they are above or below, else 0, `sure` the same beyond doubt.
+    `level` and scatter follow the values while `follow` is called. `alarm` is +1 or -1 while they
+    are above or below, else 0, `sure` the same beyond doubt.
     """
 
     def __init__(self, values: np.ndarray, rate: float) -> None:
@@ -93,9 +93,8 @@ class ForceDirection:
     """Announces the direction of one joint from its sensor.
 
     The force is positive if it pushes towards larger positions. `sensor_range` are the lowest and
-    the highest value that the converter can give. Positions of the joint go to its `motion`. Why
-    the last calibration taught nothing is its `failure`, '' if it did. Raises InputError if the
-    range is none.
+    the highest value that the converter can give, else InputError. Positions of the joint go to its
+    `motion`. Why the last calibration taught nothing is its `failure`, '' if it did.
     """
 
     def __init__(self, sensor_range: tuple[float, float]) -> None:
@@ -140,17 +139,16 @@ class ForceDirection:
 
     def _unusable(self, values: np.ndarray, passed: float) -> str:
         """Return why values at rest over a time in s teach nothing; '' if they do."""
-        if len(values) <= 20.0 * passed:
-            return (f'{len(values)} values in {CALIBRATION_TIME:g} s: at least 20 per second are '
-                    'needed')
-        if not np.isfinite(values).all():
-            return 'values that are not finite'
-        if not self._inside[0] < values.min() <= values.max() < self._inside[1]:
-            return f'saturated: values from {values.min():g} to {values.max():g}'
-        if np.count_nonzero(np.diff(values)) < 3:
-            return f'flat: {values[0]:g} does not change; is it connected?'
-        return '' if self.motion.rest(self._arrived) >= passed else (
-            'the joint moved during the calibration')
+        return next((why for wrong, why in (
+            (len(values) <= 20.0 * passed, f'{len(values)} values in {CALIBRATION_TIME:g} s: at '
+             'least 20 per second are needed'),
+            (not np.isfinite(values).all(), 'values that are not finite'),
+            (not self._inside[0] < values.min() <= values.max() < self._inside[1],
+             f'saturated: values from {values.min():g} to {values.max():g}'),
+            (np.count_nonzero(np.diff(values)) < 3,
+             f'flat: {values[0]:g} does not change; is it connected?'),
+            (self.motion.rest(self._arrived) < passed, 'the joint moved during the calibration'))
+            if wrong), '')
 
     def add(self, time: float, values: Any) -> None:
         """Take values, shape (N,), of which the last was measured at a time in s."""
@@ -195,15 +193,13 @@ class ForceDirection:
 
     def _find_fault(self, time: float, value: float | None = None) -> str:
         """Return what is wrong with the sensor, or with a value that has come; '' if nothing is."""
-        if value is None and time - self._arrived > self._silent:
-            return 'sensor: silent'
-        if value is not None and not self._inside[0] < value < self._inside[1]:
-            return f'sensor: saturated at {value:g}'
-        if self._run > self._flat:
-            return 'sensor: flat'
-        if self._against >= 3:
-            return 'the joint moves against the sensor: is its sign reversed?'
-        return '' if self.motion.known(time) else 'joint_states are missing'
+        return next((why for wrong, why in (
+            (value is None and time - self._arrived > self._silent, 'sensor: silent'),
+            (value is not None and not self._inside[0] < value < self._inside[1],
+             f'sensor: saturated at {value}'),
+            (self._run > self._flat, 'sensor: flat'),
+            (self._against >= 3, 'the joint moves against the sensor: is its sign reversed?'),
+            (not self.motion.known(time), 'joint_states are missing')) if wrong), '')
 
     def _quiet(self, test: ChangeTest) -> bool:
         """Return whether the values have not changed for as long as they are remembered."""
@@ -237,17 +233,18 @@ class ForceDirection:
             self._strong = time
         if speed > STILL:
             self._moved, self._against, self._tried = True, 0, time
-        if alarm == -self._direction:
-            self._stop(time, 'pushed the other way')
-        elif speed < -STILL and not self._moved:
-            self._against += 1
-            self._stop(time, 'moved against the push')
-        elif speed < -STILL or (self._moved and self.motion.rest(time) > _OVER):
-            self._stop(time, 'the movement is over')
-        elif time - self._strong > _OVER:
-            self._stop(time, 'the push is over')
-        elif time - self._tried > 3.0:
-            self._stop(time, 'no movement followed')
+        against = speed < -STILL and not self._moved
+        self._against += against and alarm != -self._direction
+        for ends, why in (
+                (alarm == -self._direction, 'pushed the other way'),
+                (against, 'moved against the push'),
+                (speed < -STILL or (self._moved and self.motion.rest(time) > _OVER),
+                 'the movement is over'),
+                (time - self._strong > _OVER, 'the push is over'),
+                (time - self._tried > 3.0, 'no movement followed')):
+            if ends:
+                self._stop(time, why)
+                return
 
     def _stop(self, time: float, reason: str) -> None:
         """Take back what is announced; the next attempt begins from rest."""

@@ -1,15 +1,17 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Exercises of several joints with reversals, read from YAML."""
+"""Movements shown to a person, with the directions announced: the note's, and YAML files."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from friction_comp.checks import (
     check_document,
@@ -30,16 +32,102 @@ _SAME = 1e-9
 _LONGEST, _FARTHEST = 86_400.0, 1e3
 
 
+@dataclass(frozen=True)
+class ReferenceMovement:
+    """The note's movement (section 2.6): to and fro, each way after a standstill.
+
+    The direction d is announced during the standstill before, and returns to 0 when the movement
+    begins to decelerate, so that the compensation does not drive the joint beyond the target.
+    Raises InputError if a number is out of range, or no phase of constant velocity is left.
+    """
+
+    amplitude: float = math.radians(40.0)  # between the ends, rad; negative: negative way first
+    speed: float = math.radians(20.0)  # of the constant velocity phase, rad/s
+    # s from standstill to that speed, by a raised cosine, and from it to standstill.
+    acceleration_time: float = 0.5
+    standstill: float = 2.0  # before each movement, s
+    announcement: float = 1.0  # time by which the direction is announced before the movement, s
+    repetitions: int = 10
+    compensated: bool = True  # False keeps the direction at 0 throughout: the note's case 1
+
+    def __post_init__(self) -> None:
+        for name in ('speed', 'acceleration_time', 'standstill'):
+            check_number(getattr(self, name), f'movement.{name}', above=0.0)
+        if not math.isfinite(self.amplitude) or self.amplitude == 0.0:
+            raise InputError('movement.amplitude must be finite and not 0')
+        if not 0.0 <= self.announcement <= self.standstill:
+            raise InputError('movement.announcement must be between 0 and the standstill')
+        if self.repetitions < 1:
+            raise InputError('movement.repetitions must be at least 1')
+        if self.constant_time <= 0.0:
+            raise InputError(
+                f'movement.amplitude of {self.amplitude} rad is too short to reach the speed of '
+                f'{self.speed} rad/s within {self.acceleration_time} s')
+
+    @property
+    def constant_time(self) -> float:
+        """Duration of the constant velocity phase in s."""
+        return abs(self.amplitude) / self.speed - self.acceleration_time
+
+    @property
+    def movement_time(self) -> float:
+        """Duration of one movement in s, standstill not counted."""
+        return self.constant_time + 2.0 * self.acceleration_time
+
+    @property
+    def duration(self) -> float:
+        """Duration of the whole exercise in s, including a last standstill."""
+        return 2.0 * self.repetitions * (self.standstill + self.movement_time) + self.standstill
+
+    def begins(self, movement: int) -> float:
+        """Return when movement 0, 1, 2 … begins, s; even ones are in the first direction."""
+        return self.standstill + movement * (self.standstill + self.movement_time)
+
+    def end(self, direction: float) -> float:
+        """Return where the movement in a direction ends, rad; NaN for 0."""
+        if direction == 0.0:
+            return math.nan
+        return self.amplitude if direction * self.amplitude > 0.0 else 0.0
+
+    def at(self, time: ArrayLike) -> tuple[Any, Any, Any]:
+        """Return position (rad), velocity (rad/s) and direction (-1, 0, +1) at times in s."""
+        time = np.asarray(time, dtype=float)
+        period = self.standstill + self.movement_time
+        movement = np.floor(time / period)
+        over = (movement >= 2 * self.repetitions) | (time < 0.0)
+        forth = movement % 2 == 0
+        since = time - movement * period - self.standstill
+        travelled, speed = self._profile(since)
+        sign = math.copysign(1.0, self.amplitude)
+        announced = (since >= -self.announcement) & (
+            since < self.acceleration_time + self.constant_time)
+        position, velocity, direction = (np.where(over, 0.0, values) for values in (
+            np.where(forth, travelled, abs(self.amplitude) - travelled) * sign,
+            np.where(forth, speed, -speed) * sign,
+            np.where(announced & self.compensated, np.where(forth, sign, -sign), 0.0)))
+        if time.ndim == 0:
+            return float(position), float(velocity), int(direction)
+        return position, velocity, direction.astype(int)
+
+    def _profile(self, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return angle and speed of a positive movement that began `since` seconds ago."""
+        ramp, top = self.acceleration_time, self.speed
+        since = np.clip(since, 0.0, self.movement_time)
+        left = self.movement_time - since
+        near = np.minimum(np.minimum(since, left), ramp)
+        angle = 0.5 * top * (near - ramp / math.pi * np.sin(math.pi * near / ramp))
+        travelled = np.where(left < ramp, abs(self.amplitude) - angle, np.where(
+            since < ramp, angle, top * (since - 0.5 * ramp)))
+        return travelled, 0.5 * top * (1.0 - np.cos(math.pi * near / ramp))
+
+
 class ExerciseScript:
     """A movement of several joints through waypoints, with the announced direction of each joint.
 
-    Each joint follows a monotone cubic (Fritsch and Carlson 1980): it passes a waypoint without
-    stopping if its direction continues, and reverses only at waypoints. As in `ReferenceMovement`,
-    a movement from rest is announced ahead; the direction changes where the joint reverses, and
-    returns to 0 when it begins to decelerate to rest.
-
-    `times`, (K,), of the waypoints and `announcement` are in s, `positions`, (K, J), in rad
-    relative to those at the beginning.
+    Each joint follows a monotone cubic (Fritsch and Carlson 1980): it stops or reverses only at
+    waypoints. A movement from rest is announced ahead; the direction changes where the joint
+    reverses, and returns to 0 when it begins to decelerate to rest. `times`, (K,), of the waypoints
+    and `announcement` are in s, `positions`, (K, J), in rad from the beginning.
     """
 
     def __init__(self, joints: Sequence[str], times: np.ndarray, positions: np.ndarray,

@@ -10,7 +10,6 @@ the rests of any joint, and where a monotone curve through the others would leav
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 import math
 from typing import Any
 
@@ -33,22 +32,11 @@ _FIRST_REST = 1.0
 _GRAIN = 0.01 * DEGREE
 
 
-@dataclass(frozen=True)
-class Taught:
-    """An exercise made of a recorded movement."""
+def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray
+          ) -> tuple[dict[str, Any], float]:
+    """Return the exercise file of a guided movement, and when in the recording it begins, s.
 
-    document: dict[str, Any]    # content of the exercise file
-    time: np.ndarray            # s, from the beginning of the exercise, (N,)
-    path: np.ndarray            # the guided movement, rad from the beginning, (N, J)
-    waypoints: np.ndarray       # their times, s, (K,)
-    slowed: float               # factor of the tempo, to keep limits of speed
-
-
-def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
-          speeds: Sequence[float] | None = None) -> Taught:
-    """Return the exercise of a guided movement, slowed down to `speeds`, rad/s; or InputError.
-
-    Time is in s, (N,), position in rad, (N, J).
+    Time is in s, (N,), position in rad, (N, J). Raises InputError if nothing moves.
     """
     if not time[-1] - time[0] > 2.0 * _REST:
         raise InputError(f'{time[-1] - time[0]:.2g} s are too short for an exercise')
@@ -66,24 +54,19 @@ def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
     moving = np.flatnonzero(np.abs(np.diff(shape[knots], axis=0)).max(axis=1) > 0.0)
     # Without the time before the first movement and after the last one.
     knots = knots[moving[0]:moving[-1] + 2]
-    slowed = _slow_down(even[knots], shape[knots], speeds)
-    durations = np.diff(even[knots]) * slowed
     steps: list[dict[str, Any]] = [{'hold': _FIRST_REST}]
-    for before, after, duration in zip(knots, knots[1:], durations):
+    for before, after in zip(knots, knots[1:]):
+        duration = round(float(even[after] - even[before]), 3)
         moved = shape[after] - shape[before]
         if not moved.any():
-            steps.append({'hold': round(float(duration), 3)})
+            steps.append({'hold': duration})
             continue
         steps.append({'to': {joint: round(float(shape[after, j] / DEGREE), 2)
                              for j, joint in enumerate(joints) if moved[j] != 0.0},
-                      'time': round(float(duration), 3)})
+                      'time': duration})
     steps.append({'hold': _FIRST_REST})
-    document = {
-        'format': FORMAT, 'version': VERSION, 'unit': 'deg', 'joints': list(joints),
-        'announcement': 1.0, 'steps': steps}
-    begin = even[knots[0]]
-    return Taught(document, _FIRST_REST + (even - begin) * slowed, path - path[knots[0]],
-                  _FIRST_REST + (even[knots] - begin) * slowed, slowed)
+    return {'format': FORMAT, 'version': VERSION, 'unit': 'deg', 'joints': list(joints),
+            'announcement': 1.0, 'steps': steps}, float(even[knots[0]]) - _FIRST_REST
 
 
 def _one_way(path: np.ndarray) -> tuple[np.ndarray, list[int]]:
@@ -132,12 +115,3 @@ def _add_where_far(time: np.ndarray, shape: np.ndarray, knots: list[int]) -> np.
         if not added:
             return np.array(knots)
         knots = sorted({*knots, *added})
-
-
-def _slow_down(time: np.ndarray, shape: np.ndarray, speeds: Sequence[float] | None) -> float:
-    """Return the factor of time with which all joints keep their limits of speed."""
-    if speeds is None:
-        return 1.0
-    grid = np.linspace(time[0], time[-1], 10 * len(time) + 100)
-    fastest = np.abs(PchipInterpolator(time, shape).derivative()(grid)).max(axis=0)
-    return float(max(1.0, (fastest / np.asarray(speeds)).max()))

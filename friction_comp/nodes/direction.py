@@ -21,18 +21,14 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from friction_comp.control.joint_states import JointColumns
-from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.announced import Announcement, DesiredMotion, PlannedDirection, SILENCE
 from friction_comp.direction.force_sensor import ForceDirection
-from friction_comp.direction.joint_motion import Announcement
-from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.errors import InputError
 from friction_comp.ros.joint_io import QOS, RELIABLE
 from friction_comp.ros.node_main import yield_to_executor
 from friction_comp.ros.node_parts import Diagnostics, OK, Settings, WARN
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
-# s after which a position is too old.
-_MAX_AGE = 0.2
 # Real s after which a calibration is given up, which takes three by the clock.
 _PATIENCE = 12.0
 
@@ -101,7 +97,7 @@ class DirectionNode(Node):
 
     def _present(self, time: float) -> np.ndarray:
         """Return the positions at a time, NaN where they are too old."""
-        fresh = 0.0 <= time - self._seen <= _MAX_AGE
+        fresh = 0.0 <= time - self._seen <= SILENCE
         return self._position if fresh else np.full(len(self._joints), np.nan)
 
     def _on_trajectory(self, message: Any) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from friction_comp.exercise.reference_movement import ReferenceMovement
+from friction_comp.exercise.exercise_script import ReferenceMovement
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 

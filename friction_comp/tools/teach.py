@@ -7,8 +7,6 @@ The node `exercise` plays it (parameter exercise_file) with the direction of eac
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from friction_comp.errors import errors_name, InputError
@@ -21,13 +19,9 @@ def main(argv: list[str] | None = None) -> int:
     """Write the exercise file; returns 0."""
     parser = Arguments('teach', __doc__, (
         'examples/elbow/with_direction.mcap.zstd --output output/exercise.yaml',
-        'guided --limits joint_limits.yaml --output exercise.yaml')).add_recordings(several=False)
+        )).add_recordings(several=False)
     parser.add_output('exercise file to write')
-    parser.add_argument('--limits', metavar='FILE', type=Path,
-                        help="file with limits, as MoveIt's joint_limits.yaml: positions beyond "
-                        'them are refused, faster movements slowed down')
     arguments = parser.parse(argv)
-    from friction_comp.excitation.joint_limits import from_yaml
     from friction_comp.exercise.exercise_script import exercise_of
     from friction_comp.exercise.taught_exercise import teach
     from friction_comp.recordings import find_recording, read_arm
@@ -47,17 +41,9 @@ def main(argv: list[str] | None = None) -> int:
         if len(time) < 2:
             raise InputError('the joints were not recorded at the same time')
         position = np.column_stack([np.interp(time, one.time, one.position) for one in samples])
-        limits = from_yaml(arguments.limits, joints) if arguments.limits else []
-        for own, column in zip(limits, position.T):
-            if not own.lowest <= column.min() <= column.max() <= own.highest:
-                raise InputError(
-                    f'{own.joint}: guided from {column.min():.3g} to {column.max():.3g} rad, but '
-                    f'the limits are {own.lowest:g} and {own.highest:g} rad')
-        taught = teach(joints, time, position, [own.velocity for own in limits] or None)
-    script = exercise_of(taught.document)
-    write_atomically(arguments.output, to_yaml(taught.document))
-    print(f'{arguments.output}: {len(taught.waypoints)} waypoints in {script.duration:.1f} s of '
+        document, _ = teach(joints, time, position)
+    script = exercise_of(document)
+    write_atomically(arguments.output, to_yaml(document))
+    print(f'{arguments.output}: {len(script.times)} waypoints in {script.duration:.1f} s of '
           f'{", ".join(joints)}')
-    if taught.slowed > 1.0:
-        print(f'slowed down by a factor of {taught.slowed:.2f}, to keep the limits of speed')
     return 0
