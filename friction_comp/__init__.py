@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from friction_comp.identification.goal import IdentificationGoal
     from friction_comp.identification.run import IdentificationRun
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import read_recording
+    from friction_comp.recordings.reader import read_recording
     from friction_comp.refinement import refine
     from friction_comp.samples import Samples
     from friction_comp.tables.columns import Layout

@@ -24,7 +24,7 @@ CASES = DATA.with_name('cases')
 
 @pytest.mark.parametrize(('name', 'signal', 'joint', 'unit'), [
     ('time', 'time', '', ''), ('timestamp_ms', 'time', '', 'ms'), ('time [s]', 'time', '', 's'),
-    ('ms_today', 'time', '', 'ms'), ('header.stamp.sec', 'time', '', ''),
+    ('time_since_start', 'time', '', ''), ('header.stamp.sec', 'time', '', ''),
     ('rig:timestamp', 'time', '', ''), ('time_constant', '', '', ''),
     ('actual_q_2', 'position', '2', ''), ('a1 position [rad]', 'position', 'a1', 'rad'),
     ('/left/elbow.position', 'position', '/left/elbow', ''), ('encoder_rad', 'position', '', 'rad'),

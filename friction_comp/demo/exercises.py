@@ -21,7 +21,7 @@ from friction_comp.files import to_yaml, write_atomically
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
 from friction_comp.package_files import package_file
-from friction_comp.recordings import read_arm
+from friction_comp.recordings.reader import read_arm
 from friction_comp.reports.evaluation_page import evaluation_page, peaks_of
 from friction_comp.reports.html import without_marks
 from friction_comp.samples import Samples

@@ -17,7 +17,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import aligned
 from friction_comp.package_files import package_file
 from friction_comp.parallel import child_process
-from friction_comp.recordings import read_recording
+from friction_comp.recordings.reader import read_recording
 from friction_comp.refinement import refine, RefineResult
 from friction_comp.samples import Samples
 from friction_comp.terminal import progress

@@ -8,24 +8,7 @@ Names are imported when they are first used: a plan in a table needs no library 
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from friction_comp.recordings.activity import Activity
-    from friction_comp.recordings.reader import (
-        read_arm,
-        read_joints,
-        read_recording,
-        read_recording_with_info,
-    )
-    from friction_comp.recordings.sources import find_recording, find_recordings, recorded_joints
-    from friction_comp.recordings.writer import RecordingWriter, write_samples
-
-__all__ = [
-    'Activity', 'RecordingWriter', 'find_recording', 'find_recordings',
-    'read_arm', 'read_joints', 'read_recording', 'read_recording_with_info', 'recorded_joints',
-    'write_samples',
-]
+from typing import Any
 
 _HOMES = {
     'activity': ['Activity'],
@@ -34,11 +17,9 @@ _HOMES = {
     'writer': ['RecordingWriter', 'write_samples']}
 
 
-def __getattr__(name: str) -> object:
+def __getattr__(name: str) -> Any:
     """Import a name when it is first used (PEP 562)."""
     for home, names in _HOMES.items():
         if name in names:
-            value = getattr(importlib.import_module(f'{__name__}.{home}'), name)
-            globals()[name] = value
-            return value
+            return getattr(importlib.import_module(f'{__name__}.{home}'), name)
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

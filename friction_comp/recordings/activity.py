@@ -49,30 +49,27 @@ class ActivityLog:
         """
         before = len(self.changes)
         for status in message.status:
-            if 'identification' in status.name:
-                # The node reports a phase only while it moves a joint.
-                if any(item.key == 'phase' for item in status.values):
-                    self._append(Activity(time, 'identification', '', '', status.hardware_id))
-                elif self.changes and self.changes[-1].state == 'identification':
-                    self._append(Activity(time, '', '', ''))
-            elif (activity := compensator_activity(status, time)) is not None:
-                self._append(activity)
+            last = self.changes[-1] if self.changes else None
+            activity = _activity_of(status, time, last)
+            if activity and (last is None or replace(
+                    activity, time=last.time, joints=last.joints) != last):
+                self.changes.append(activity)
         if not before and self.changes:
             first = self.changes[0]
             if first.time - begin < _FIRST_REPORT and first.state != 'identification':
                 self.changes[0] = replace(first, time=min(first.time, begin))
 
-    def _append(self, activity: Activity) -> None:
-        last = self.changes[-1] if self.changes else None
-        if last is None or replace(activity, time=last.time, joints=last.joints) != last:
-            self.changes.append(activity)
 
-
-def compensator_activity(status: Any, time: int = 0) -> Activity | None:
-    """Return a compensator's state from a DiagnosticStatus; None if it is another node's."""
+def _activity_of(status: Any, time: int, last: Activity | None) -> Activity | None:
+    """Return what a DiagnosticStatus of a compensator or of identification says, else None."""
+    values = {item.key: item.value for item in status.values}
+    if 'identification' in status.name:
+        # The node reports a phase only while it moves a joint.
+        if 'phase' in values:
+            return Activity(time, 'identification', '', '', status.hardware_id)
+        return Activity(time, '', '', '') if last and last.state == 'identification' else None
     if 'compensator' not in f'{status.name} {status.hardware_id}':
         return None
-    values = {item.key: item.value for item in status.values}
     # One file per joint is reported as a list: remove its brackets and quotes.
     model = re.sub(r"""['"\[\]]""", '', values.get('model_files', ''))
     return Activity(time, values.get('state', ''), values.get('law', ''), model, status.hardware_id,

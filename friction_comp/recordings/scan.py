@@ -97,49 +97,37 @@ class Scan:
         return sorted(exact or tracks, key=lambda track: not track.topic.startswith(namespace))
 
     @property
-    def _places(self) -> dict[str, tuple[Track, str]]:
-        """Track and name of each joint by what it may be called: /TOPIC/NAME, or its name alone.
-
-        The latter goes first, if no other topic has it.
-        """
+    def joints(self) -> dict[str, tuple[Track, str]]:
+        """Track of each joint, and its name there; /TOPIC/NAME where several topics hold it."""
         found = [(track, name) for track in self.of('joint_states') for name in track.names]
         count = Counter(name for _, name in found)
-        return {**{f'{track.topic}/{name}': (track, name) for track, name in found},
-                **{name: (track, name) for track, name in found if count[name] == 1}}
-
-    @property
-    def joints(self) -> list[str]:
-        """Joints as a user may name them: as /TOPIC/NAME where several topics hold the name."""
-        places, states = self._places, self.of('joint_states')
-        return [name if name in places and places[name][0] is track else f'{track.topic}/{name}'
-                for track in states for name in track.names]
+        return {f'{track.topic}/{name}' if count[name] > 1 else name: (track, name)
+                for track, name in found}
 
     def find(self, joint: str | None) -> tuple[Track, str]:
         """Return the track of a joint, the only one by default, and its name there.
 
         Raises InputError with the choices if it is not clear.
         """
-        wanted = TOPICS['joint_states']
-        kinds = {topic: kind for topic, (kind, _) in self.topics.items()}
-        if not self.of('joint_states'):
-            if any(signal_of(topic, kind) == 'joint_states' for topic, kind in kinds.items()):
-                raise InputError(f'{self.path}: its joint_states contain no message')
-            states = ', '.join(sorted(topic for topic, kind in kinds.items() if kind == wanted))
-            raise InputError(f'{self.path}: no joint_states of type {wanted} in it ' + (
-                f'(of that type are {states}: name one, with its joint, as --joint /TOPIC/NAME)'
-                if states else f'(topics: {", ".join(sorted(kinds)) or "none"})'))
-        joints, places = self.joints, self._places
+        joints, wanted = self.joints, TOPICS['joint_states']
         if not joints:
-            raise InputError(f'{self.path}: joint_states names no joint')
-        # A single joint may have no name in the recording.
-        if joints != [''] and joint not in places:
-            joint = one_of(joints, joint, self.path)
-        return places['' if joints == [''] else joint or '']
+            own = sorted(topic for topic, (kind, _) in self.topics.items() if kind == wanted)
+            if any(topic.endswith('joint_states') for topic in own):
+                raise InputError(f'{self.path}: its joint_states contain no message, or no joint')
+            raise InputError(f'{self.path}: no joint_states of type {wanted} in it ' + (
+                f'(of that type are {", ".join(own)}: name one, with its joint, as --joint '
+                '/TOPIC/NAME)' if own else f'(topics: {", ".join(sorted(self.topics)) or "none"})'))
+        # A single joint may have no name in the recording; any may be named with its topic.
+        if [*joints] == ['']:
+            return joints['']
+        whole = {f'{track.topic}/{name}': (track, name) for track, name in joints.values()}
+        return {**whole, **joints}[joint if joint in whole else one_of(
+            [*joints], joint, self.path)]
 
     def siblings(self, joint: str | None) -> list[str]:
         """Return the joints of an arm: of a joint's topic, and of others with other names."""
         own, _ = self.find(joint)
-        return [name for name, (track, plain) in zip(self.joints, map(self.find, self.joints))
+        return [name for name, (track, plain) in self.joints.items()
                 if track is own or plain not in own.names]
 
     @property

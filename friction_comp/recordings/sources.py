@@ -125,7 +125,7 @@ def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     that joint only. Raises InputError if the recording cannot be read.
     """
     recording = open_recording(path, layout=layout, first=_FIRST_MESSAGES)
-    return recording.joints if isinstance(recording, Scan) else recording.choices
+    return [*recording.joints] if isinstance(recording, Scan) else recording.choices
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 import os
 from pathlib import Path
 import shutil
@@ -58,12 +59,9 @@ class RecordingWriter:
             raise InputError(f'compression must be none or storage, not {compression!r}')
         self.custom_data = dict(custom_data or {})
         self._types = get_typestore(Stores.ROS2_JAZZY)
-        # Type and profiles, channel, and number of messages of each topic; times of all messages.
-        self._topics: dict[str, tuple[str, list[Qos]]] = {}
-        self._channels: dict[str, int] = {}
+        self._topics: dict[str, _Topic] = {}
         self._schemas: dict[str, int] = {}
-        self._counts: dict[str, int] = {}
-        self._first = self._last = 0
+        self._first = self._last = 0    # times of all messages
         self._is_open = True
         self.message_count = 0
         if self.path.exists():
@@ -106,11 +104,9 @@ class RecordingWriter:
                 self._schemas[type_name] = self._mcap.register_schema(
                     type_name, 'ros2msg', definition.encode())
             profiles = list(qos) or [qos_profile()]
-            self._channels[name] = self._mcap.register_channel(
+            self._topics[name] = _Topic(type_name, profiles, self._mcap.register_channel(
                 name, 'cdr', self._schemas[type_name],
-                {'offered_qos_profiles': to_yaml(profiles).strip()})
-            self._topics[name] = type_name, profiles
-            self._counts[name] = 0
+                {'offered_qos_profiles': to_yaml(profiles).strip()}))
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
@@ -121,12 +117,12 @@ class RecordingWriter:
         """
         if not self._is_open:
             raise InputError(f'{self.path}: the recording is closed')
-        name, time = self.add_topic(topic, type_name), int(stamp_ns)
+        own, time = self._topics[self.add_topic(topic, type_name)], int(stamp_ns)
         with self._closed_on_error():
-            self._mcap.add_message(self._channels[name], time, cdr, time, self._counts[name])
+            self._mcap.add_message(own.channel, time, cdr, time, own.count)
         self._first = min(self._first, time) if self.message_count else time
         self._last = max(self._last, time)
-        self._counts[name] += 1
+        own.count += 1
         self.message_count += 1
 
     def flush(self) -> None:
@@ -153,17 +149,14 @@ class RecordingWriter:
             self._save_metadata()
         self._is_open = False
 
-    def abort(self) -> None:
-        """Close and delete the recording."""
+    def abort(self, keep: bool = False) -> None:
+        """Close the file without an index, and delete the recording unless its chunks are kept."""
         if self._is_open:
-            self._drop_file()
-        shutil.rmtree(self.path, ignore_errors=True)
-
-    def _drop_file(self) -> None:
-        """Close the file without writing an index; flushed chunks remain."""
-        self._is_open = False
-        with suppress(OSError):
-            self._file.close()
+            self._is_open = False
+            with suppress(OSError):
+                self._file.close()
+        if not keep:
+            shutil.rmtree(self.path, ignore_errors=True)
 
     @contextmanager
     def _closed_on_error(self) -> Iterator[None]:
@@ -171,10 +164,8 @@ class RecordingWriter:
         try:
             yield
         except (OSError, InputError) as error:
-            self._drop_file()
             kept = '; what was written before can be read' if self._file.chunks else ''
-            if not kept:
-                shutil.rmtree(self.path, ignore_errors=True)
+            self.abort(keep=bool(kept))
             reason = getattr(error, 'strerror', None) or error
             raise InputError(f'{self.path}: cannot be written: {reason}{kept}') from None
 
@@ -187,11 +178,10 @@ class RecordingWriter:
             'version': 9, 'storage_identifier': 'mcap', 'relative_file_paths': [name], **span,
             'topics_with_message_count': [{
                 'topic_metadata': {
-                    'name': topic, 'type': kind, 'serialization_format': 'cdr',
-                    'offered_qos_profiles': qos,
-                    'type_description_hash': self._types.hash_rihs01(kind)},
-                'message_count': self._counts[topic]}
-                for topic, (kind, qos) in self._topics.items()],
+                    'name': topic, 'type': own.kind, 'serialization_format': 'cdr',
+                    'offered_qos_profiles': own.qos,
+                    'type_description_hash': self._types.hash_rihs01(own.kind)},
+                'message_count': own.count} for topic, own in self._topics.items()],
             'compression_format': '', 'compression_mode': '', 'files': [{'path': name, **span}],
             'custom_data': self.custom_data or None, 'ros_distro': 'jazzy',
         }
@@ -201,6 +191,14 @@ class RecordingWriter:
             {'rosbag2_bagfile_information': self._metadata()}), sync)
 
 
+@dataclass
+class _Topic:
+    kind: str
+    qos: list[Qos]
+    channel: int
+    count: int = 0  # of its messages
+
+
 class _SyncedFile:
     """A new file of whole blocks, which a thread syncs to the disk."""
 
@@ -208,8 +206,7 @@ class _SyncedFile:
         self.path = path
         self.chunks = 0     # blocks with messages that were written
         self._file = create(path)
-        self._block = bytearray()
-        self._written = 0
+        self._block, self._written = bytearray(), 0
         self._thread = ThreadPoolExecutor(1)
         self._sync: Future[None] = self._thread.submit(lambda: None)
 
@@ -297,31 +294,29 @@ def _messages(types: dict[str, Any], joints: list[Samples], torque_per_current: 
         return types['std_msgs/msg/Header'](
             types['builtin_interfaces/msg/Time'](*divmod(stamp, NANO)), frame)
 
-    position, velocity, reference, reference_velocity, command = map(columns, (
-        'position', 'velocity', 'reference_position', 'reference_velocity', 'command'))
-    effort = torque_per_current * columns('current')
-    direction = columns('direction').astype(np.int8)
+    def make(topic: str, *fields: Any) -> tuple[int, str, Any]:
+        return stamp, topic, types[TOPICS[topic]](*fields)
+
+    position, velocity, reference, reference_velocity, command, direction = map(columns, (
+        'position', 'velocity', 'reference_position', 'reference_velocity', 'command', 'direction'))
+    effort, direction = torque_per_current * columns('current'), direction.astype(np.int8)
     vector, wrench = types['geometry_msgs/msg/Vector3'], types['geometry_msgs/msg/Wrench']
     layout = types['std_msgs/msg/MultiArrayLayout']([], 0)
-    make = {topic: types[kind] for topic, kind in TOPICS.items()}
     for k, time in enumerate(joints[0].time):
         stamp = start_ns + round(float(time) * 1e9)
         # The command, direction and reference that belong to a joint state precede it.
         if np.isfinite(command[k]).any():
-            yield stamp, 'current_command', make['current_command'](layout, command[k])
+            yield make('current_command', layout, command[k])
         # At every change and every tenth sample, similar to the about 100 Hz of a planner.
         if direction.size and (k % 10 == 0 or (direction[k] != direction[k - 1]).any()):
-            yield stamp, 'direction', make['direction'](layout, direction[k])
+            yield make('direction', layout, direction[k])
         if reference.size:
-            yield stamp, 'reference', make['reference'](
-                header(), names, reference[k], reference_velocity[k], np.zeros(0))
+            yield make('reference', header(), names, reference[k], reference_velocity[k],
+                       np.zeros(0))
         for name, each in zip(names, joints):
             if each.load is not None:
-                torque = vector(0.0, 0.0, float(each.load[k]))
-                yield stamp, 'interaction_wrench', make['interaction_wrench'](
-                    header(name), wrench(vector(0.0, 0.0, 0.0), torque))
+                yield make('interaction_wrench', header(name), wrench(
+                    vector(0.0, 0.0, 0.0), vector(0.0, 0.0, float(each.load[k]))))
             if each.temperature is not None and k % 100 == 0:
-                yield stamp, 'motor_temperature', make['motor_temperature'](
-                    header(name), float(each.temperature[k]), 0.0)
-        yield stamp, 'joint_states', make['joint_states'](
-            header(), names, position[k], velocity[k], effort[k])
+                yield make('motor_temperature', header(name), float(each.temperature[k]), 0.0)
+        yield make('joint_states', header(), names, position[k], velocity[k], effort[k])

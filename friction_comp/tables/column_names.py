@@ -39,11 +39,7 @@ _BEHIND = {'link', 'output'}
 _NEUTRAL = {'joint', 'joints', 'state', 'states', 'motor', 'motors', 'mot', 'rotor', 'robot', 'arm',
             'actuator', 'servo', 'axis', 'drive', 'data', 'value', 'values', 'msg', 'filtered',
             'filt', 'angular', 'shaft', 'encoder', 'field', 'header', 'id', 'in', 'log', 'unix',
-            'utc', 'ros'}
-# Words beside a time: since when it counts, or whose it is.
-_CLOCK = {'since', 'from', 'start', 'begin', 'boot', 'today', 'wall', 'clock', 'relative', 'rel',
-          'monotonic', 'host', 'device', 'system', 'epoch'}
-_SECOND_CHOICE = {'motor', 'motors', 'mot', 'rotor', 'filtered', 'filt'}
+            'utc', 'ros', 'since', 'start', 'system', 'host', 'epoch'}
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',
             'effort': 'command', 'current': 'command'}
 _OF_UNIT = {'time': 'time', 'angle': 'position', 'counts': 'position', 'angle/time': 'velocity',
@@ -68,7 +64,6 @@ class Reading:
     joint: str = ''         # as it is written
     unit: str = ''          # as written; '' if there is none
     torque: bool = False    # whether the quantity is a torque or force
-    rank: int = 0           # of several columns for one signal, the lowest is used
     measured: bool = False  # whether it says that it is: of effort and current, this one is used
 
 
@@ -102,15 +97,13 @@ def read_name(name: str) -> Reading:
     rest = [k for k, word in enumerate(lower) if k not in found and k not in of_unit
             and word not in _MEASURED | _TARGET | special]
     if signal == 'time':
-        # A group says whose clock it is; `start_time` is one moment.
+        # A group says whose clock it is.
         group = max(map(bare.rfind, '.:/'))
-        plain = not {lower[k] for k in rest if words[k][0] > group} - _NEUTRAL - _CLOCK
-        return Reading('time' if plain else '', unit=unit,
-                       rank=2 * ('start' in lower) + ('date' in lower))
+        plain = not {lower[k] for k in rest if words[k][0] > group} - _NEUTRAL
+        return Reading('time' if plain else '', unit=unit)
     joint = [k for k in rest if lower[k] not in _NEUTRAL]
     return Reading(signal, tuple(lower[k] for k in joint), _label(bare, words, rest, joint), unit,
-                   quantity in ('effort', 'load'), 2 * (not found) + bool(
-                       _SECOND_CHOICE & {*lower}), bool(_SURELY & {*lower}))
+                   quantity in ('effort', 'load'), bool(_SURELY & {*lower}))
 
 
 def _signal(quantity: str, words: list[str]) -> str:

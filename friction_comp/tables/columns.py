@@ -185,8 +185,13 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     """
     names = [name for name in names if name]
     layout = (layout or Layout()).naming(names, where)
-    found, own = _columns(names, layout, where, plan)
+    found, own, rivals = _columns(names, layout, where, plan)
     used = _of_joints(found, own, where)
+    for column in used:
+        if column.name in rivals:
+            raise InputError(f'{where}: which column is the {column.kind}, {column.name!r} or '
+                             f'{rivals[column.name]!r}? Name it with --columns '
+                             f'{column.kind}={column.name}')
     signals = {column.kind for column in used}
     needed = {'time': not layout.rate, 'position': True, 'effort': not (layout.stiffness or plan),
               'reference_position': bool(layout.stiffness)}
@@ -218,8 +223,11 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
 
 
 def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = False
-             ) -> tuple[list[Column], tuple[str, ...]]:
-    """Return the best column for each signal of each joint, and the joint of the user's columns."""
+             ) -> tuple[list[Column], tuple[str, ...], dict[str, str]]:
+    """Return the best column for each signal of each joint, and the joint of the user's columns.
+
+    The last are columns that are as good as one of the former, by its name.
+    """
     told = {name: signal for signal, name in layout.columns.items()}
     first = next((layout.columns[signal] for signal in ('position', 'effort', 'current', 'velocity')
                   if signal in layout.columns), '')
@@ -231,7 +239,7 @@ def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = F
                 if skeleton(name) and reading.signal != 'time'}
     signals = {_kind(signal) for signal in layout.columns}
     ranked: list[tuple[tuple[int, ...], Column]] = []
-    for place, name in enumerate(names):
+    for name in names:
         reading, key, alike = read_name(name), key_of(name), skeleton(name) in patterns
         if name in told:
             reading, key = named[name], () if told[name] == 'time' else own
@@ -251,11 +259,14 @@ def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = F
             # By the name's unit, whatever the user's is.
             other = bool(reading.unit) and unit_of(signal, reading.unit) is None
             ranked.append(((name not in told, not alike, kind == 'effort' and not reading.measured,
-                            other, SIGNALS.index(signal), second, reading.rank, place), column))
-    best: dict[tuple[str, tuple[str, ...]], Column] = {}
-    for _, column in sorted(ranked, key=lambda entry: entry[0]):
-        best.setdefault((column.kind, column.key), column)
-    return list(best.values()), own
+                            other, SIGNALS.index(signal), second), column))
+    best: dict[tuple[str, tuple[str, ...]], tuple[tuple[int, ...], Column]] = {}
+    rivals: dict[str, str] = {}
+    for rank, column in sorted(ranked, key=lambda entry: entry[0]):
+        lowest, chosen = best.setdefault((column.kind, column.key), (rank, column))
+        if lowest == rank and chosen is not column:
+            rivals.setdefault(chosen.name, column.name)
+    return [column for _, column in best.values()], own, rivals
 
 
 def _as_named(name: str, signal: str, layout: Layout, where: object) -> Reading:
@@ -329,23 +340,22 @@ def without_time(names: Sequence[str], layout: Layout, where: object
     several joints or speeds, and none is named.
     """
     layout = layout.naming(names, where)
-    columns, _ = _columns([name for name in names if name], layout, where)
+    columns, own, rivals = _columns([name for name in names if name], layout, where)
     signals = {column.signal for column in columns}
     if layout.rate or signals & {'time', 'position'}:
         return None
     # A commanded speed is that of the means where none is measured.
     wanted = 'velocity' if 'velocity' in signals else 'reference_velocity'
-    named = {*layout.columns.values()}
-    speeds, efforts = ([c for c in columns if c.kind == kind and (c.name in named or not named & {
-        one.name for one in columns if one.kind == kind})] for kind in (wanted, 'effort'))
+    speeds, efforts = ([c for c in columns if c.kind == kind and (own == () or c.key in (own, ()))]
+                       for kind in (wanted, 'effort'))
     pairs = [(speed, effort) for speed in speeds for effort in efforts
              if speed.key == effort.key or () in (speed.key, effort.key)
              if layout.joint in ('', speed.joint, effort.joint)]
-    alike = [name for name in names if read_name(name).signal == wanted]
-    if len(pairs) > 1 or (pairs and len(alike) > 1 and not ({*alike} & named or layout.joint)):
+    if len(pairs) > 1 or any(c.name in rivals for pair in pairs for c in pair):
         raise InputError(f'{where}: which speed and which effort? Name one with --joint, or both '
                          'with --columns velocity=NAME,effort=NAME; there are ' + _listed(
-                             [*alike, *(effort.name for effort in efforts)]))
+                             [c.name for c in columns if c.kind in (wanted, 'effort')]
+                             + [*rivals.values()]))
     return pairs[0] if pairs else None
 
 

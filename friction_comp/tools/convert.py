@@ -26,7 +26,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--output', metavar='FILE|DIR', type=Path, required=True,
                         help='.csv, .parquet or .npz file, or a new folder')
     arguments = parser.parse(argv)
-    from friction_comp.recordings import read_joints, write_samples
+    from friction_comp.recordings.reader import read_joints
+    from friction_comp.recordings.writer import write_samples
     from friction_comp.tables.table_files import is_table, write_columns
     from friction_comp.tables.table_recording import table_of
 
