@@ -269,7 +269,6 @@ def test_presliding_of_an_encoder_coarser_than_stated_is_not_made_up():
     model.drive = replace(model.drive, encoder_counts=4000)
     result = identify(model, alter=measured)[0].result()
     assert result.presliding is None
-    assert 'these seem to be about 200 per motor turn' in ' '.join(result.warnings)
 
 
 def test_at_the_lowest_rate_the_documented_speeds_are_driven_and_what_is_too_short_is_said():

@@ -11,7 +11,6 @@ from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
 from friction_comp.__main__ import main
-from friction_comp.facts.motion import velocity_agreement
 from friction_comp.recordings import read_recording_with_info
 from friction_comp.refinement.judge import other_turn
 from friction_comp.refinement.result import FoundEffect
@@ -67,18 +66,6 @@ def test_a_current_without_a_unit_is_taken_for_granted_too(tmp_path):
 def test_a_workbook_and_a_bag_of_ros_1_are_refused_with_what_to_do(tmp_path, refuses, name, said):
     (tmp_path / name).write_bytes(b'PK')
     refuses(said, 'refine', tmp_path / name)
-
-
-@pytest.mark.parametrize(('angle', 'rate', 'said'), [
-    (1.0 / TURN, 60.0 / TURN, 'turns and velocity in turns per minute'),
-    (1.0 / TURN, 360.0 / TURN, 'turns and velocity in deg/s'),
-    (360.0 / TURN, 60.0 / TURN, 'degrees and velocity in turns per minute'),
-    (360.0 / TURN, 1.0 / TURN, 'degrees and velocity in turns per second'),
-    (1.0, 60.0 / TURN, 'velocity is in turns per minute'), (1.0, 1.0, '')])
-def test_a_position_and_a_velocity_of_two_units_name_both(angle, rate, said):
-    time, position, velocity = swing()
-    assert said in velocity_agreement(time, angle * position, rate * velocity).fault
-    assert not velocity_agreement(time, position, velocity).fault
 
 
 def ripple(low, high):

@@ -22,25 +22,13 @@ ALIKE = 0.9
 LATEST = 0.3
 """Largest delay of the measured current that counts as a response, s: a busy machine takes a tenth
 of a second or two to transfer a command."""
-# Fewest samples that tell, and the correlation below which currents have nothing to do with each
-# other.
-_FEWEST, _UNRELATED = 50, 0.5
 # Time constant with which currents are smoothed before they are compared, s: longer than the lag of
 # any drive. Longer delays are due to the connection between drive and controller.
 _SMOOTHING = 0.05
 # Duration of measured current that is compared, and step between the delays that are compared, s.
 _MEMORY, _GRID = 0.5, 0.005
-# A delay must raise the correlation by this much: for a constant current all delays fit equally.
-_CLEARLY_BETTER = 0.005
-# Share of the commanded current's oscillation that must remain after smoothing, RMS.
-_LEAST_REMAINING = 0.2
-# Bins of position, the fewest that motion in both directions must share, fewest samples of each
-# direction in a bin, and the share of the motion in which the current must have one sign.
-_BINS, _FEWEST_BINS, _PER_BIN, _SHARE = 20, 5, 10, 0.8
-# Difference between the directions, of the usual effort, that counts as none, and the share of the
-# motion in which an effort without a sign must show none; fewest samples near zero with which such
-# an effort comes down to it; share of its range in which no value lies where the sign is a bit.
-_NO_DIFFERENCE, _UNSIGNED, _FEWEST_LOW, _EMPTY = 0.02, 0.2, 5, 0.25
+# Share of the motion in which the current must have one sign.
+_SHARE = 0.8
 
 
 # Measured compared with commanded current.
@@ -76,7 +64,8 @@ def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> 
     power, product = np.sum(delayed ** 2, axis=1), delayed @ recent
     correlations = product / np.sqrt(np.maximum(power * (recent @ recent), 1e-300))
     size = np.abs(correlations)
-    index = int(np.argmax(size)) if size.max() > size[0] + _CLEARLY_BETTER else 0
+    # For a constant current all delays fit equally.
+    index = int(np.argmax(size)) if size.max() > size[0] + 0.005 else 0
     gain = float(product[index] / max(power[index], 1e-300))
     correlation = float(correlations[index])
     # Smoothed values are independent after twice the time constant.
@@ -155,8 +144,8 @@ class CurrentCheck:
         if duration < 0.3 * _MEMORY or power <= duration * least ** 2:
             return math.nan
         # An amplifier follows fast oscillations late and incompletely: no result if smoothing
-        # removes most of the command.
-        if power < _LEAST_REMAINING ** 2 * self._removed:
+        # leaves less than a fifth of the command.
+        if power < 0.2 ** 2 * self._removed:
             return math.nan
         return product / power
 
@@ -169,13 +158,13 @@ class CurrentCheck:
 
 # The sign of the current.
 
-def by_position(position: np.ndarray, velocity: np.ndarray, current: np.ndarray,
-                fewest: int = _PER_BIN) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+def _by_position(position: np.ndarray, velocity: np.ndarray, current: np.ndarray
+                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return mean and variance of the current in motion, (B, 2), and the weight, (B,), by position.
 
-    The columns are motion in the negative and the positive direction, with `fewest` samples of each
-    at least; None if they hardly overlap. Whatever the weight, at a given position friction makes
-    the current larger in the positive direction.
+    The columns are motion in the negative and the positive direction; None if they overlap in less
+    than five of twenty bins. Whatever the weight, at a given position friction makes the current
+    larger in the positive direction.
     """
     fast = np.abs(velocity) > 0.2 * np.quantile(np.abs(velocity), 0.95)
     if not fast.any() or np.ptp(position[fast]) == 0.0:
@@ -184,30 +173,18 @@ def by_position(position: np.ndarray, velocity: np.ndarray, current: np.ndarray,
     if np.ptp(position) > 4.0 * np.pi:
         # Gravity is periodic.
         position = np.mod(position, 2.0 * np.pi)
-    edges = np.linspace(position.min(), position.max(), _BINS + 1)
-    bin_index = 2 * np.clip(np.digitize(position, edges) - 1, 0, _BINS - 1) + forward
-    count = np.bincount(bin_index, minlength=2 * _BINS).astype(float)
+    edges = np.linspace(position.min(), position.max(), 21)
+    bin_index = 2 * np.clip(np.digitize(position, edges) - 1, 0, 19) + forward
+    count = np.bincount(bin_index, minlength=40).astype(float)
     with np.errstate(invalid='ignore', divide='ignore'):
-        mean = np.bincount(bin_index, current, 2 * _BINS) / count
-        spread = np.bincount(bin_index, current ** 2, 2 * _BINS) / count - mean ** 2
+        mean = np.bincount(bin_index, current, 40) / count
+        spread = np.bincount(bin_index, current ** 2, 40) / count - mean ** 2
     fewer = np.minimum(count[0::2], count[1::2])
-    used = fewer >= fewest
-    if np.count_nonzero(used) < _FEWEST_BINS:
+    used = fewer >= 10
+    if np.count_nonzero(used) < 5:
         return None
     return (mean.reshape(-1, 2)[used], spread.reshape(-1, 2)[used],
             fewer[used] / fewer[used].sum())
-
-
-def pushes(position: np.ndarray, velocity: np.ndarray, current: np.ndarray,
-           fewest: int = _PER_BIN) -> bool | None:
-    """Return whether the current has the sign of the motion where it passes a position both ways.
-
-    It has in most of the motion; False means that friction would supply energy, and None that this
-    is not known.
-    """
-    bins = by_position(position, velocity, current, fewest)
-    right = 0.5 if bins is None else float(bins[2] @ (bins[0][:, 1] > bins[0][:, 0]))
-    return True if right > _SHARE else False if right < 1.0 - _SHARE else None
 
 
 def wrong_sign(samples: Samples, alone: bool = True) -> str:
@@ -219,26 +196,24 @@ def wrong_sign(samples: Samples, alone: bool = True) -> str:
     command, no load and, by `alone`, no other joint drives the joint.
     """
     command, current = samples.command, samples.current
-    if (command is not None and len(samples) >= _FEWEST and command.any() and current.any()
+    if (command is not None and len(samples) >= 50 and command.any() and current.any()
             and current_answer(command, current)[1] < -ALIKE):
         return 'effort and commanded current have opposite signs: one of them has the wrong sign'
     if samples.load is not None or not len(samples):
         return ''
     velocity = samples.velocity if samples.velocity is not None else _rate(samples)
-    bins = by_position(samples.position, velocity, current)
+    bins = _by_position(samples.position, velocity, current)
     if bins is None:
         return ''
     mean, variance, weight = bins
     difference = mean[:, 1] - mean[:, 0]
     usual = float(np.quantile(current, 0.95))
-    if current.min() >= 0.0 and np.count_nonzero(current < 0.05 * usual) >= _FEWEST_LOW:
-        if np.diff(np.unique(current)).max() > _EMPTY * np.ptp(current):
-            return ('effort is never negative, and jumps between small and large values: its sign '
-                    'is a bit of the number, as in registers of servos; give it its sign')
-        if weight[difference < _NO_DIFFERENCE * usual].sum() >= _UNSIGNED:
-            return ('effort is never negative, and no larger in one direction than in the other: '
-                    'it is an amount without a sign, which does not show friction; record it with '
-                    'its sign')
+    if current.min() >= 0.0 and np.count_nonzero(current < 0.05 * usual) >= 5 and (
+            weight[difference < 0.02 * usual].sum() >= 0.2
+            or np.diff(np.unique(current)).max() > 0.25 * np.ptp(current)):
+        return ('effort is never negative, and no larger in one direction than in the other, or '
+                'jumps between small and large values: it is an amount without a sign, or its sign '
+                'is a bit of the number; record it with its sign')
     if not alone or (command is not None and command.any()):
         return ''
     # A difference within the scatter of single samples may be that of another load.

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from friction_comp.drive import Drive
 from friction_comp.facts.timing import gap_length
 from friction_comp.samples import beyond, LIMITS, Samples
 from friction_comp.statistics import rms, smallest_step
@@ -26,43 +25,17 @@ FEWEST_BLOCKS = 5
 """Blocks of motion from which a recorded stretch tells whether velocity and position agree."""
 BLOCK = 0.1
 """Duration over which velocity is integrated and compared with the change of position, s."""
-# A block is not used if the joint moved less than this, rad and encoder counts.
-_SHORT, _FEW_COUNTS = 2e-3, 50.0
-# A position that changes by at most so many counts while the velocity predicts more is stuck.
-_STILL_COUNTS = 2.5
-# Time by which a drive may delay the velocity, s: the integral then differs by the change of
-# velocity times this delay; and longest time constant of a low pass, s: behind it, the integral
-# differs by just the change of the filtered velocity times this time.
-_VELOCITY_LAG, _LOW_PASS = 0.02, 0.1
 # Time steps above this in s, and above this multiple of the usual one, are gaps, over which nothing
 # is integrated.
 _GAP, _GAP_STEPS = 0.02, 3.0
 # Relative difference up to which a ratio is reported as that of a known unit.
 UNIT_TOLERANCE = 0.1
-# Fewest blocks of motion that show whether a ratio is the same everywhere.
-_STEADY_BLOCKS = 10
-# Mean speed of a joint above which its position is hardly in rad, rad/s: over two turns a second.
-_FASTEST = 15.0
 # Turns of units other than rad: values wrap around at them, and encoders divide them.
 _TURNS = {'turn': 1.0, 'deg': 360.0}
-# Bits of encoders; more are rounding errors of floating-point numbers.
-_BITS = range(8, 21)
-# Distance of values from the steps of an encoder, in steps, RMS: on them if below the first; values
-# that are not on them have 0.29.
-_ON_GRID, _OFF_GRID = 0.05, 0.2
-# Steps that values must cover, so that the sizes of steps of two units cannot be confused.
-_FEWEST_STEPS = 100
 # A jump by about so much of a turn is a wrapped angle, if others are no larger than a share of it.
 _WRAP, _SLOW = (0.9, 1.1), 0.05
-# A position that is so many times as far from its neighbours as is usual is a glitch, if these are
-# rare; fewest positions that tell.
-_GLITCH, _GLITCHES, _FEWEST_OF_GLITCHES = 20.0, 0.005, 200
-# rad; smaller changes of position are rounding.
-_ROUNDING = 1e-9
-# Largest change of position that is compared, in its steps; the least step that is reported, in
-# counts; how exactly changes are whole numbers of steps, of how many, with which share of longer
-# ones.
-_MOST_STEPS, _SEVERAL, _EXACT, _FEWEST, _LONGER = 6.0, 5.0, 0.02, 20, 0.1
+# Fewest values, or steps that they cover, that tell of units and glitches.
+_FEWEST = 100
 
 _VELOCITY_UNITS = {
     math.degrees(1.0): 'velocity is in deg/s, not rad/s',
@@ -72,10 +45,6 @@ _VELOCITY_UNITS = {
     math.radians(1.0): 'position is in degrees, not rad',
     2.0 * math.pi: 'position is in turns, not rad',
     0.001: 'position is in mrad, or velocity in 1000 rad/s',
-    60.0: 'position is in turns and velocity in turns per minute, not rad and rad/s',
-    360.0: 'position is in turns and velocity in deg/s, not rad and rad/s',
-    1.0 / 6.0: 'position is in degrees and velocity in turns per minute, not rad and rad/s',
-    1.0 / 360.0: 'position is in degrees and velocity in turns per second, not rad and rad/s',
 }
 
 
@@ -108,12 +77,12 @@ def glitches(position: np.ndarray) -> np.ndarray:
     No joint jumps away and back. Where many do, it is no matter of single samples, and none is.
     """
     odd = np.zeros(len(position), dtype=bool)
-    if len(position) < _FEWEST_OF_GLITCHES:
+    if len(position) < 2 * _FEWEST:
         return odd
     away = np.abs(position[1:-1] - 0.5 * (position[2:] + position[:-2]))
     usual = max(float(np.quantile(away, 0.98)), smallest_step(position))
-    odd[1:-1] = (away > _GLITCH * usual) & (np.abs(position[2:] - position[:-2]) < 0.5 * away)
-    return odd if odd.mean() < _GLITCHES else np.zeros_like(odd)
+    odd[1:-1] = (away > 20.0 * usual) & (np.abs(position[2:] - position[:-2]) < 0.5 * away)
+    return odd if odd.mean() < 0.005 else np.zeros_like(odd)
 
 
 # Units of the position.
@@ -159,7 +128,7 @@ def not_in_radians(position: np.ndarray) -> str:
     encoder of a turn or 360 degrees. Friction in a wrong unit of position fits as well.
     """
     position = position[np.isfinite(position)]
-    if len(position) < _FEWEST_STEPS:
+    if len(position) < _FEWEST:
         return ''
     if np.ptp(position) > 2.0 * np.pi and np.array_equal(position, np.round(position)):
         return 'holds whole numbers'
@@ -168,10 +137,11 @@ def not_in_radians(position: np.ndarray) -> str:
         around = np.ptp(position) <= 1.001 * turn and size.max() > 0.9 * turn
         if around and np.quantile(size, 0.9) < _SLOW * turn:
             return f'jumps by {turn:g}, as an angle in {unit} that wraps around'
-    if _distance(position, 2.0 * math.pi) < _OFF_GRID:
+    # Values that are not on the steps of a unit are 0.29 off them.
+    if _distance(position, 2.0 * math.pi) < 0.2:
         return ''
     for unit, turn in _TURNS.items():
-        if _distance(position, turn) < _ON_GRID:
+        if _distance(position, turn) < 0.05:
             return (f'moves in steps of {smallest_step(position):.6g}, a turn divided by a power '
                     f'of two if it is in {unit}')
     return ''
@@ -181,10 +151,10 @@ def _distance(position: np.ndarray, turn: float) -> float:
     """Return how far values are from the steps of an encoder, in steps, RMS; 0.5 without steps."""
     step = smallest_step(position)
     bits = round(math.log2(turn / step)) if step else 0
-    if bits not in _BITS or abs(step * 2.0 ** bits / turn - 1.0) > 0.02:
-        return 0.5
     steps = (position - position[0]) * 2.0 ** bits / turn
-    if np.ptp(steps) <= _FEWEST_STEPS:
+    # More bits are rounding errors; over few steps, sizes of steps of two units are alike.
+    if not 8 <= bits <= 20 or abs(step * 2.0 ** bits / turn - 1.0) > 0.02 or (
+            np.ptp(steps) <= _FEWEST):
         return 0.5
     return rms(steps - np.round(steps))
 
@@ -196,7 +166,8 @@ def hardly_in_radians(time: np.ndarray, position: np.ndarray) -> str:
     """
     position = position[np.isfinite(position)]
     path, seconds = float(np.abs(np.diff(position)).sum()), float(np.ptp(time))
-    if not path > _FASTEST * seconds > 0.0:
+    # Over two turns a second.
+    if not path > 15.0 * seconds > 0.0:
         return ''
     return (f'it moves at {path / seconds:.3g} rad/s on average, over {np.ptp(position):.3g} rad: '
             'fast for a joint, as if position were in degrees or that of the motor before the gear')
@@ -259,15 +230,17 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
     integral = np.add.reduceat(middle * step * followed, begins)
     velocity_range = np.maximum.reduceat(middle, begins) - np.minimum.reduceat(middle, begins)
     rise = velocity[edges[1:]] - velocity[begins]
-    moved = np.maximum(np.abs(change), np.abs(integral)) >= max(_SHORT, _FEW_COUNTS * resolution)
+    # Less motion, in rad and counts, tells nothing; less than 2.5 counts are none.
+    moved = np.maximum(np.abs(change), np.abs(integral)) >= max(2e-3, 50.0 * resolution)
     change, integral, rise = change[moved], integral[moved], rise[moved]
-    stuck = np.abs(change) <= _STILL_COUNTS * resolution
+    stuck = np.abs(change) <= 2.5 * resolution
     ratio = np.divide(integral, change, out=np.full(len(change), math.inf), where=~stuck)
-    # A delayed velocity explains a difference of up to its range times the delay. A low pass lags
-    # while the joint becomes faster and leads while it becomes slower, which no unit does.
+    # A velocity that a drive delays by 20 ms explains a difference of up to its range times the
+    # delay. A low pass, of up to 0.1 s, lags while the joint becomes faster and leads while it
+    # becomes slower, which no unit does.
     missing = change - integral
-    late = np.abs(missing) < _VELOCITY_LAG * velocity_range[moved]
-    filtered = (missing * rise > 0.0) & (np.abs(missing) < _LOW_PASS * np.abs(rise))
+    late = np.abs(missing) < 0.02 * velocity_range[moved]
+    filtered = (missing * rise > 0.0) & (np.abs(missing) < 0.1 * np.abs(rise))
     return np.where(late | filtered, 1.0, ratio)
 
 
@@ -293,7 +266,7 @@ def agreement_of(ratios: np.ndarray) -> Agreement:
         cause = 'one of the two has the wrong sign'
         return Agreement(ratio, count, text + cause, cause)
     cause = name_unit(ratio, _VELOCITY_UNITS)
-    if not cause and count >= _STEADY_BLOCKS and np.mean(
+    if not cause and count >= 10 and np.mean(
             np.abs(ratios / ratio - 1.0) < UNIT_TOLERANCE) > 0.5:
         # Noise and delays scatter; a constant factor everywhere is that of a unit or of the time.
         cause = ('in all of the motion: they differ in unit, or the time is off by this factor '
@@ -341,31 +314,7 @@ class VelocityCheck:
                 self.fault = agreement_of(np.array(self._ratios)).fault
 
 
-# Steps of an encoder.
-
 def positions(position: np.ndarray) -> float:
     """Return the number of positions that an encoder resolves, infinite if hardly any repeats."""
     values = np.unique(np.round(position / max(float(np.ptp(position)), 1e-300), 9))
     return math.inf if len(values) > 0.5 * len(position) else float(len(values))
-
-
-def encoder_fault(drive: Drive, position: np.ndarray) -> str:
-    """Return what is wrong with a drive's `encoder_counts` by a position, rad, (N,); or ''.
-
-    Its changes are then one, two and more steps of several counts, and nothing in between. A
-    constant velocity shows no steps.
-    """
-    known, changes = drive.position_resolution, np.abs(np.diff(position))
-    changes = changes[changes > _ROUNDING]
-    if known is None or not len(changes) or changes.min() < _SEVERAL * known:
-        return ''
-    step = float(changes.min())
-    parts = changes[changes < _MOST_STEPS * step] / step
-    whole = np.rint(parts)
-    if (len(parts) < _FEWEST or np.abs(parts - whole).max() > _EXACT
-            or np.mean(whole > 1.0) < _LONGER):
-        return ''
-    per_turn = 2.0 * math.pi / (step * drive.gear_ratio)
-    return (f'the position changes in steps of {step:.3g} rad, {step / known:.3g} times that '
-            f'of drive.encoder_counts, {drive.encoder_counts:g}: these seem to be about '
-            f'{per_turn:.3g} per motor turn')

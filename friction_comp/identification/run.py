@@ -147,7 +147,6 @@ class IdentificationRun(SupervisedRun):
         while self._to_drive:
             yield from self._measure_speed(self._to_drive[0])
             self._to_drive.pop(0)
-        self.warnings += filter(None, [self.supervision.encoder_fault()])
         if len(self.cycles) < 2:
             raise IdentificationError('too few speeds could be held: ' + '; '.join(self.warnings))
         # Directions alternate in pairs of ramps: a gear yields less after a slide in the ramp's own

@@ -30,7 +30,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.facts.current import ALIKE, Answer, CurrentCheck, FOLLOWS, gain_fault, LATEST
-from friction_comp.facts.motion import encoder_fault, VelocityCheck
+from friction_comp.facts.motion import VelocityCheck
 from friction_comp.identification.goal import IdentificationError, MotionGoal
 from friction_comp.low_pass import low_pass_weight
 
@@ -57,9 +57,9 @@ _LEAST_SHARE, _HELD_SHARE, _HELD_TIME = 0.02, 0.05, 0.05
 # Standard errors by which a wrong gain is outside; largest one of a confirmed gain, a share of it;
 # gain that is no answer at all.
 _ERRORS, _CONFIRMED, _NO_ANSWER = 3.0, 0.25, 0.05
-# Samples from which the time between them is known; different positions, the first ones, that are
-# compared with the encoder; longest step between samples that is integrated, s.
-_SAMPLES, _PLACES, _STEP = 20, 400, 0.02
+# Samples from which the time between them is known; longest step between them that is integrated,
+# s.
+_SAMPLES, _STEP = 20, 0.02
 # A current of this multiple of breakaway must accelerate the joint visibly: when so many counts of
 # movement are expected, it must have moved this share; but not before this time in s, since delay,
 # current loop and filter take time, nor while a moving joint would hardly be slowed down.
@@ -113,7 +113,6 @@ class Supervision:
         self._first, self._count = math.nan, 0
         self._resolution = drive.position_resolution or 1e-6
         self._last: tuple[float, float] | None = None
-        self._places = [math.nan]   # rad, each other than that before
         self._currents = CurrentCheck()
         self._held = np.zeros(2)    # measured current, and that which carries, smoothed, A
         self._velocities = VelocityCheck(resolution=self._resolution, zeros=True)
@@ -141,8 +140,6 @@ class Supervision:
         step = time - self._last[0]
         if step <= 0.0:
             return False
-        if position != self._places[-1] and len(self._places) < _PLACES:
-            self._places.append(position)
         self._last = time, position
         self._count += 1
         if self._count > _SAMPLES:
@@ -166,10 +163,6 @@ class Supervision:
         if self.friction is not None and math.isfinite(self.acceleration):
             self._expect_motion(step, time, position, command, current)
         return True
-
-    def encoder_fault(self) -> str:
-        """Return what is wrong with the drive's `encoder_counts`, '' if nothing is."""
-        return encoder_fault(self._drive, np.array(self._places)[1:])
 
     def _check_sample(self, time: float, position: float) -> None:
         if not math.isfinite(time):
