@@ -12,8 +12,7 @@ from friction_comp.compensation.effect_currents import EffectCurrents
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.effects.kinds import Gravity, Hysteresis, Temperature
-from friction_comp.model.effects.position_effects import FrictionRipple
+from friction_comp.model.effects.kinds import FrictionRipple, Gravity, Hysteresis, Temperature
 from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects that a model can have in addition to the sigmoid: one class each, listed here."""
 
-from friction_comp.model.effects import kinds, position_effects as position
+from friction_comp.model.effects import kinds
 from friction_comp.model.effects.base import (
     CARRIES,
     Coverage,
@@ -27,7 +27,7 @@ def register(effect: type[Effect]) -> type[Effect]:
 
 for _effect in (
         kinds.Stribeck, kinds.ViscousShape, kinds.DirectionAsymmetry, kinds.Gravity,
-        kinds.Spring, position.Cogging, position.FrictionRipple, position.Bump, kinds.Inertia,
+        kinds.Spring, kinds.Cogging, kinds.FrictionRipple, kinds.Bump, kinds.Inertia,
         kinds.RigidBody, kinds.OtherJoints, kinds.LoadTorque, kinds.LoadFriction,
         kinds.CarriedLoadFriction, kinds.InnerLoadFriction, kinds.Temperature, kinds.WarmUp,
         kinds.OffsetDrift, kinds.Hysteresis, kinds.Backlash, kinds.RestTime):

@@ -1,10 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Effects of velocity, torques and their load, and the past; those of position are beside."""
+"""The effects: friction over velocity, torques and their load, position, and friction of the past.
+
+At positions, effects repeat or occur once: cogging, friction ripple, worn teeth.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 import math
 from typing import Any
 
@@ -16,6 +19,8 @@ from friction_comp.model.effects.base import (
     Coverage,
     Effect,
     NEITHER,
+    ResidualView,
+    RESISTS,
     SearchRange,
     Signals,
     too_coarse,
@@ -48,10 +53,8 @@ class Stribeck(Effect):
     summary = ('Stribeck: near standstill friction differs by {A:+.3g} A, fading at about '
                '{velocity:.3g} rad/s')
     equation = '{A:+.5g}·tanh(v/{transition:.5g})·exp(-(|v|/{velocity:.5g})^{exponent:.5g})'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.sign * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),)
+    columns = staticmethod(lambda x, c: (
+        x.sign * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),))
 
 
 class ViscousShape(Effect):
@@ -120,10 +123,7 @@ class DirectionAsymmetry(Effect):
     summary = ('Direction: half of what the positive direction needs more than the negative one is '
                '{A:+.3g} A {B:+.3g} A per rad/s')
     equation = '{A:+.5g}{shape} {B:+.5g}·|v|'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (1.0 if c.offset else x.sign ** 2, abs(x.velocity))
+    columns = staticmethod(lambda x, c: (1.0 if c.offset else x.sign ** 2, abs(x.velocity)))
 
     def symbols(self) -> dict[str, Any]:
         sign = f'·tanh(v/{self.values["transition"]:.5g})^2'
@@ -156,10 +156,7 @@ class Gravity(Effect):
     summary = ('Gravity-like: {size:.3g} A once a turn, largest at a joint angle of {angle:.0f} '
                'degrees')
     equation = '{A:+.5g}·cos(q) {B:+.5g}·sin(q)'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (np.cos(x.position), np.sin(x.position))
+    columns = staticmethod(lambda x, c: (np.cos(x.position), np.sin(x.position)))
 
 
 class Spring(Effect):
@@ -178,10 +175,7 @@ class Spring(Effect):
     shown_by = (turns_seldom,)
     summary = 'Spring-like: {A:+.3g} A per rad'
     equation = '{A:+.5g}·(q - {position:.5g})'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.position - c.position,)
+    columns = staticmethod(lambda x, c: (x.position - c.position,))
 
     @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
@@ -211,10 +205,7 @@ class Inertia(Effect):
         'apparent inertia and can destabilise the joint')
     summary = 'Inertia: {A:.4g} A per rad/s²'
     equation = '{A:+.5g}·dv/dt'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.acceleration,)
+    columns = staticmethod(lambda x, c: (x.acceleration,))
 
 
 class RigidBody(Effect):
@@ -233,10 +224,7 @@ class RigidBody(Effect):
     summary = ('Weight and inertia of the whole arm: {A:.4g} A per N·m of torque that its links '
                'need at the joint')
     equation = '{A:+.5g}·τ_links'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.rigid_body,)
+    columns = staticmethod(lambda x, c: (x.rigid_body,))
 
 
 class OtherJoints(Effect):
@@ -251,10 +239,7 @@ class OtherJoints(Effect):
     summary = ('Other joints: weight and inertia that act on this joint through them, as a sum of '
                'terms found in the recording, times {A:.4g}')
     equation = '{A:+.5g}·i_other_joints'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.coupling,)
+    columns = staticmethod(lambda x, c: (x.coupling,))
 
 
 class LoadTorque(Effect):
@@ -271,10 +256,7 @@ class LoadTorque(Effect):
         'compensator is not: the torque sensor is for evaluation only')
     summary = 'Load: {A:+.4g} A per N·m of measured back-driving torque'
     equation = '{A:+.5g}·τ_b'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.load,)
+    columns = staticmethod(lambda x, c: (x.load,))
 
     @classmethod
     def known_coefficients(cls, drive: Drive) -> list[float]:
@@ -296,10 +278,7 @@ class LoadFriction(Effect):
     summary = ('Load-dependent friction: {A:+.4g} A at 1 N·m of load, growing with its power '
                '{exponent:.3g}')
     equation = '{A:+.5g}·tanh(v/{transition:.5g})·|τ_b|^{exponent:.5g}'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.sign * abs(x.load) ** c.exponent,)
+    columns = staticmethod(lambda x, c: (x.sign * abs(x.load) ** c.exponent,))
 
 
 class CarriedLoadFriction(LoadFriction):
@@ -311,10 +290,7 @@ class CarriedLoadFriction(LoadFriction):
     constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.5, 3.0)), 'transition': None}
     summary = LoadFriction.summary.replace('of load', 'that the links need at the joint')
     equation = LoadFriction.equation.replace('τ_b', 'τ_links')
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.sign * abs(x.rigid_body) ** c.exponent,)
+    columns = staticmethod(lambda x, c: (x.sign * abs(x.rigid_body) ** c.exponent,))
 
 
 def _speed_of_fading(coverage: Coverage, constants: dict[str, float]) -> tuple[float, float]:
@@ -377,6 +353,190 @@ class InnerLoadFriction(Effect):
                 'of_inertia': self.values['with_inertia'] * self.values['inertia']}
 
 
+_BINS_A_PERIOD, _MOST_BINS = 4, 1 << 17
+# Fewest waves over the range of position, to distinguish a wave from a slope.
+FEWEST_PERIODS = 1.5
+# Frequencies proposed for each shape of ripple, neighbourhoods of a spectrum, and how much farther
+# than ln N means the largest of noises is in one of ten cases.
+_PEAKS, _NEIGHBOURHOODS, _ONE_OF_TEN = 4, 16, 2.25
+# Positions of bumps proposed for each width, and the fewest rows by which one is judged.
+_PLACES, _FEWEST = 2, 20
+# Largest spread of a speed that is constant except for starts and reversals: motion to and fro at
+# one speed has 0.25 to 0.35; production strokes, several speeds and sines have 0.46 and more.
+_NEARLY_ONE_SPEED = 0.4
+
+
+def above_noise(power: np.ndarray) -> np.ndarray:
+    """Return which powers of a spectrum no noise has, bool, (M,), but in one of ten spectra.
+
+    Of N powers of white noise about their mean, the largest is about ln N times it; the spectrum
+    has four for each. The mean is that of the neighbourhood, by its median: what is left of a fit
+    is no white noise.
+    """
+    parts = np.array_split(power, max(1, min(_NEIGHBOURHOODS, len(power) // 64)))
+    mean = np.concatenate([np.full(len(part), np.median(part)) for part in parts]) / math.log(2.0)
+    return np.asarray(power > mean * (math.log(max(0.25 * len(power), 1.0)) + _ONE_OF_TEN))
+
+
+def spectrum_peaks(view: ResidualView, amplitude: np.ndarray) -> list[float]:
+    """Return the spatial frequencies, rad/rad (periods per turn), that would explain most.
+
+    The residual is modelled as amplitude · (a·cos(kq) + b·sin(kq)) with an amplitude of shape (R,).
+    A period takes three rows at the slowest quarter of the speeds, and four position steps at
+    least. Of a joint that turned often, only harmonics of a turn are returned.
+    """
+    coverage, span = view.coverage, float(np.ptp(view.position))
+    slow = float(np.percentile(np.abs(view.velocity), 25))
+    highest = 2.0 * math.pi / max(3.0 * slow * view.row_time, 4.0 * coverage.resolution, 1e-12)
+    energy = float(amplitude @ amplitude)
+    if not highest * span > 2.0 * math.pi * FEWEST_PERIODS or energy <= 0.0:
+        return []
+    bins = min(math.ceil(_BINS_A_PERIOD * highest * span / (2.0 * math.pi)) + 1, _MOST_BINS)
+    width = span / bins
+    index = np.minimum(((view.position - view.position.min()) / width).astype(np.int64), bins - 1)
+    sums = np.bincount(index, amplitude * view.residual, minlength=bins)
+    size = 1 << (4 * bins - 1).bit_length()
+    k = 2.0 * math.pi * np.fft.rfftfreq(size, width)
+    keep = (k >= 2.0 * math.pi * FEWEST_PERIODS / span) & (k <= highest)
+    separation = 2.0 * math.pi / coverage.span
+    power = np.abs(np.fft.rfft(sums, size)) ** 2
+    keep[keep] = above_noise(power[keep])
+    if not turns_seldom(coverage):
+        near = 0.5 * separation
+        keep &= (np.abs(k - np.round(k)) < near) & (k > 1.0 - near)
+    k, power = k[keep], power[keep]
+    found: list[float] = []
+    for row in np.argsort(power)[::-1][:2000]:
+        if len(found) < _PEAKS and all(abs(k[row] - other) > separation for other in found):
+            found.append(float(k[row]))
+    return found
+
+
+class Cogging(Effect):
+    """``(A·cos(kq) + B·sin(kq))·(|v|/v_ref)^g``, independent of the direction of motion."""
+
+    name = 'cogging'
+    variable = 'position'
+    role = CARRIES
+    max_count = 4
+    coefficient_names = (('part with the cosine of the phase', 'A'),
+                         ('part with the sine of the phase', 'A'))
+    # With fewer periods over the range it is not a ripple.
+    constants: dict[str, SearchRange | None] = {
+        'frequency': SearchRange(
+            1.0, unit=lambda coverage, _: math.pi / coverage.span,
+            limits=lambda coverage, _: (2.0 * math.pi * FEWEST_PERIODS / coverage.span, math.inf)),
+        'growth': None, 'speed': None, 'transition': None}
+    tried = {'growth': (0.0, 1.0), 'speed': lambda coverage: (coverage.speed,)}
+    # The amplitude holds at recorded speeds; over position the ripple repeats.
+    range_margins = {'velocity': 0.25}
+    summary = 'Cogging: {size:.3g} A at {speed:.2g} rad/s, {frequency:.5g} times a turn'
+    equation = '+({A:+.5g}·cos({frequency:.7g}·q) {B:+.5g}·sin({frequency:.7g}·q))'
+    factors = {'growth': '·(|v|/{speed:.5g})^{growth:g}'}
+
+    @classmethod
+    def propose(cls, view: ResidualView) -> list[dict[str, float]]:
+        proposed = []
+        for constants in cls.points(view.coverage):
+            signals = Signals(position=view.position, velocity=view.velocity, sign=view.sign)
+            # At frequency zero the first column is the amplitude itself.
+            amplitude, _ = cls.columns(signals, cls.Constants(frequency=0.0, **constants))
+            proposed += [{'frequency': frequency, **constants}
+                         for frequency in spectrum_peaks(view, amplitude)]
+        return proposed
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        amplitude, phase = (abs(x.velocity) / c.speed) ** c.growth, c.frequency * x.position
+        return (amplitude * np.cos(phase), amplitude * np.sin(phase))
+
+
+class FrictionRipple(Cogging):
+    """``(A·cos(kq) + B·sin(kq))·tanh(v/v_t)·(|v|/v_ref)^g``: changes sign with the direction."""
+
+    name = 'friction_ripple'
+    role = RESISTS
+    summary = Cogging.summary.replace('Cogging', 'Friction ripple')
+    equation = Cogging.equation + '·tanh(v/{transition:.5g})'
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        cosine, sine = Cogging.columns(x, c)
+        return (x.sign * cosine, x.sign * sine)
+
+
+class Bump(Effect):
+    """``A·s·exp(-|q - q0|^p/(2·w^p))`` with s = tanh(v/v_t), or s = 1 where `directional` is 0.
+
+    A local bump, as of a worn or broken tooth: p = 2 gives a bell, larger p a flatter top.
+    """
+
+    name = 'bump'
+    coefficient_names = (('height', 'A'),)
+    variable = 'position'
+    max_count = 3
+    # Within the range, and narrower; a larger exponent is a step, which no motor is given.
+    constants = {
+        'position': SearchRange(0.5, unit=lambda _, constants: constants['width'],
+                                limits=lambda coverage, _: (coverage.lowest, coverage.highest)),
+        'width': SearchRange(1.5, limits=lambda coverage, _: (
+            max(0.002 * coverage.span, coverage.resolution), 0.2 * coverage.span)),
+        'exponent': SearchRange(2.2, limits=lambda *_: (1.0, 10.0)),
+        'directional': None, 'transition': None}
+    # At one speed, the few samples of starts and reversals look like bumps.
+    shown_by = (turns_seldom, lambda coverage: coverage.speed_spread >= _NEARLY_ONE_SPEED)
+    summary = 'Bump: {A:+.3g} A at {position:.4g} rad, with a width of {width:.2g} rad'
+    equation = '{A:+.5g}·exp(-0.5·(|q - {position:.6g}|/{width:.5g})^{exponent:.5g})'
+    factors = {'directional': '·tanh(v/{transition:.5g})'}
+
+    def __init__(self, parameters: dict[str, Any],
+                 valid_range: dict[str, Any] | None = None) -> None:
+        super().__init__(parameters, valid_range)
+        self.role = RESISTS if self.values['directional'] else CARRIES
+
+    @classmethod
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        return [{'position': position, 'width': width, 'exponent': 2.0, 'directional': directional}
+                for width, places in cls._places(coverage) for position in places.tolist()
+                for directional in (1.0, 0.0)]
+
+    @staticmethod
+    def _places(coverage: Coverage) -> Iterator[tuple[float, np.ndarray]]:
+        """Yield the widths of the grid, and the positions for each."""
+        for width in np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5).tolist():
+            # About the middle, so that both directions of position count alike.
+            each_way = math.ceil(0.5 * coverage.span / width)
+            yield width, 0.5 * (coverage.lowest + coverage.highest) + width * np.arange(
+                -each_way, each_way + 1)
+
+    @classmethod
+    def propose(cls, view: ResidualView) -> list[dict[str, float]]:
+        """Return for each width where the mean of the residual stands out most from its scatter."""
+        order = np.argsort(view.position)
+        position, proposed = view.position[order], []
+        # Sums over positions up to each, by whether the bump changes sign with the direction.
+        totals = {directional: np.concatenate(([0.0], np.cumsum(values[order])))
+                  for directional, values in ((1.0, view.residual * view.sign),
+                                              (0.0, view.residual))}
+        for width, places in cls._places(view.coverage):
+            low = np.searchsorted(position, places - width)
+            high = np.searchsorted(position, places + width)
+            count = high - low
+            for directional, sums in totals.items():
+                score = np.where(count < _FEWEST, 0.0,
+                                 (sums[high] - sums[low]) ** 2 / np.maximum(count, 1))
+                proposed += [{'position': float(places[k]), 'width': width, 'exponent': 2.0,
+                              'directional': directional, 'transition': view.coverage.transition}
+                             for k in np.argsort(score)[::-1][:_PLACES]]
+        return proposed
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        distance = np.minimum(abs(x.position - c.position) / c.width, 1e6)
+        bell = np.exp(-np.minimum(0.5 * distance ** c.exponent, 700.0))
+        return (bell * x.sign if c.directional else bell,)
+
+
 # Motors and gears warm up over minutes; below this time in s, other effects look the same.
 _SHORTEST = 30.0
 
@@ -425,11 +585,8 @@ class Hysteresis(Effect):
     equation = '{A:+.5g}·z {B:+.5g}·dz/dt'
     state_equation = 'dz/dq = (1 - z·sgn(v))^{exponent:.5g}/{distance:.5g}'
     step = staticmethod(dahl_step)
-
-    @staticmethod
-    def start(sign: Any, c: Any) -> Any:
-        # At the start of a segment in motion, the reversal is complete.
-        return sign
+    # At the start of a segment in motion, the reversal is complete.
+    start = staticmethod(lambda sign, c: sign)
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -475,10 +632,7 @@ class Backlash(Effect):
         return [{'gap': gap, 'distance': max(share * gap, shortest)}
                 for gap in np.geomspace(min(10.0 * shortest, 0.02 * span), 0.25 * span, 6).tolist()
                 for share in (0.1, 0.7)]
-
-    @staticmethod
-    def start(sign: Any, c: Any) -> Any:
-        return sign * (0.5 * c.gap + c.distance)
+    start = staticmethod(lambda sign, c: sign * (0.5 * c.gap + c.distance))
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -514,10 +668,7 @@ class RestTime(Effect):
     state_equation = ('r grows at rest to 1 - exp(-t/{time_constant:.5g}) and fades in motion with '
                       'exp(-|Δq|/{distance:.5g})')
     step = staticmethod(rest_step)
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.sign * x.memory,)
+    columns = staticmethod(lambda x, c: (x.sign * x.memory,))
 
 
 def _changed_friction(x: Signals, change: Any) -> tuple[Any, ...]:
@@ -550,10 +701,8 @@ class Temperature(Effect):
     summary = ('Temperature: per kelvin Coulomb friction changes by {A:+.3g} A and viscous '
                'friction by {B:+.3g} A per rad/s')
     equation = _CHANGED + '·(T - {reference_temperature:.5g})'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return _changed_friction(x, x.temperature - c.reference_temperature)
+    columns = staticmethod(lambda x, c: _changed_friction(
+        x, x.temperature - c.reference_temperature))
 
 
 class OffsetDrift(Effect):
@@ -574,10 +723,7 @@ class OffsetDrift(Effect):
     shown_by = (lambda coverage: coverage.duration >= _SHORTEST,)
     summary = 'Offset drift: {A:+.3g} A at the start, fading with {time_constant:.3g} s'
     equation = '{A:+.5g}·exp(-t/{time_constant:.5g})'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (np.exp(-np.maximum(x.time, 0.0) / c.time_constant),)
+    columns = staticmethod(lambda x, c: (np.exp(-np.maximum(x.time, 0.0) / c.time_constant),))
 
 
 class WarmUp(OffsetDrift):
@@ -597,7 +743,4 @@ class WarmUp(OffsetDrift):
     summary = ('Warm-up: {A:+.3g} A of Coulomb and {B:+.3g} A per rad/s of viscous friction at the '
                'start, fading with {time_constant:.3g} s')
     equation = _CHANGED + '·exp(-t/{time_constant:.5g})'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return _changed_friction(x, *OffsetDrift.columns(x, c))
+    columns = staticmethod(lambda x, c: _changed_friction(x, *OffsetDrift.columns(x, c)))
