@@ -29,7 +29,7 @@ from friction_comp.__main__ import run
 from friction_comp.arm.urdf import Chain
 from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import from_urdf
-from friction_comp.excitation.separation import pairs_in
+from friction_comp.excitation.plan import pairs_in
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.files import read_json
 from friction_comp.interrupts import end_by_exception, Ended

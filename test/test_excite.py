@@ -19,17 +19,20 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
 from friction_comp.excitation.plan import (
+    coverage_within,
     JointPlan,
     moves_of_shape,
+    pairs_in,
+    pairs_of,
     peak_torque,
     plan_joint,
+    separations,
     SHAPE,
-    staircase,
     trajectory_of,
 )
-from friction_comp.excitation.separation import coverage_within, pairs_in, pairs_of, separations
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.samples import Samples
 from friction_comp.tools.excite import limits_of
 
 ELBOW = JointLimits('elbow', -1.2, 1.0, 1.5, 6.0)
@@ -77,22 +80,31 @@ def test_the_same_seed_gives_the_same_plan_and_another_another(plan):
     assert len({round(move.distance, 9) for move in plan.moves}) == len(plan.moves)
 
 
+def sine(limits):
+    """Return motion to and fro through the whole range, as fast as allowed."""
+    half, time = 0.5 * (limits.highest - limits.lowest), np.arange(0.0, 40.0, 0.02)
+    turn = limits.velocity / half
+    wave, slope = np.sin(turn * time), np.cos(turn * time)
+    return Samples(time=time, position=limits.centre + half * wave, current=0.0 * time,
+                   velocity=half * turn * slope, acceleration=-half * turn ** 2 * wave)
+
+
 @pytest.mark.parametrize('pair', [
     ('stribeck', 'viscous_shape'), ('hysteresis', 'rest_time')])
-def test_a_plan_tells_more_apart_than_a_staircase(pair):
+def test_a_plan_tells_more_apart_than_a_sine(pair):
     pairs = pairs_of(pair)
     coverage = coverage_within(ELBOW, 40.0)
     # After a few of its generations already.
     with short_search(3):
         planned = plan_joint(ELBOW, pairs, 40.0, 7).separation[pairs[0]]
-    plain = separations(staircase(ELBOW, 40.0, 50.0), pairs, coverage)
+    plain = separations(sine(ELBOW), pairs, coverage)
     assert planned > 1.1 * plain[pairs[0]]
 
 
 def test_separation_sees_what_cannot_be_told_apart():
     narrow = JointLimits('j', -0.05, 0.05, 1.5, 6.0)
     pairs = pairs_of(['gravity', 'spring'])
-    shares = [separations(staircase(limits, 40.0, 50.0), pairs,
+    shares = [separations(sine(limits), pairs,
                           coverage_within(limits, 40.0))[pairs[0]]
               for limits in (ELBOW, narrow)]
     assert shares[1] < 0.1 * shares[0]

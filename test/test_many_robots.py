@@ -24,8 +24,7 @@ from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate_recordings
-from friction_comp.fleet.common_model import CommonModel
-from friction_comp.fleet.population import ERROR, population_of, spread_of, Values
+from friction_comp.fleet.population import CommonModel, ERROR, population_of, spread_of, Values
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid

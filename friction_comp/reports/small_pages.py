@@ -4,14 +4,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.excitation.plan import JointPlan
-from friction_comp.excitation.separation import Pair
+from friction_comp.excitation.plan import JointPlan, Pair
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import quantity
 from friction_comp.reports.figures import COLOURS, curve, measured_and_predicted, panels, styled
@@ -20,9 +19,8 @@ from friction_comp.reports.refinement_page import add_steps, NAMES, number_rows,
 from friction_comp.samples import Samples
 
 
-def excitation_page(plans: Sequence[JointPlan], staircases: Sequence[Mapping[Pair, float]]
-                    ) -> Report:
-    """Return the page; `staircases` has for each plan the separation by a staircase of speeds."""
+def excitation_page(plans: Sequence[JointPlan]) -> Report:
+    """Return the page on a planned motion."""
     seconds = plans[0].seconds
     page = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')
     worst = min((share, pair, plan.limits.joint) for plan in plans
@@ -30,14 +28,13 @@ def excitation_page(plans: Sequence[JointPlan], staircases: Sequence[Mapping[Pai
     page.verdict('**Check the motion for collisions, then play `trajectory.yaml`.** Hardest to '
                  f'distinguish: {_pair_text(worst[1])} of joint {worst[2]}; {100 * worst[0]:.2g} % '
                  'of one is independent of the other and of the friction curve.')
-    for plan, plain in zip(plans, staircases):
+    for plan in plans:
         page.heading(f'Joint {plan.limits.joint}')
         page.figure(_plan_figure(plan), 'Position and velocity over time, and velocity over '
                     'position; broken: the limits.')
         page.table(
-            ['effects', 'this plan', 'a staircase of speeds'],
-            [[_pair_text(pair), f'{100 * share:.2g} %', f'{100 * plain[pair]:.2g} %']
-             for pair, share in plan.separation.items()])
+            ['effects', 'apart'],
+            [[_pair_text(pair), f'{100 * share:.2g} %'] for pair, share in plan.separation.items()])
     page.text('The percentage is the part of one effect that is independent of the other: the '
               "smallest for several values of the effects' constants. It depends on the motion "
               'alone; whether `refine` finds an effect also depends on noise and on its size.')

@@ -23,7 +23,7 @@ from friction_comp.tools.common import Arguments, positive, whole_number, write_
 
 if TYPE_CHECKING:
     from friction_comp.excitation.joint_limits import JointLimits
-    from friction_comp.excitation.separation import Pair
+    from friction_comp.excitation.plan import Pair
     from friction_comp.model.friction_model import FrictionModel
 
 # Points of a trajectory per second: with a few, splines between them overshoot short moves.
@@ -51,32 +51,28 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     import numpy as np
 
-    from friction_comp.excitation.plan import plan_joint, staircase, trajectory_of
-    from friction_comp.excitation.separation import coverage_within, separations
+    from friction_comp.excitation.plan import plan_joint, trajectory_of
     from friction_comp.reports.small_pages import excitation_page
 
     pairs, limits = _pairs(arguments), limits_of(arguments)
     model = _model(arguments, limits)
     seconds = arguments.seconds
     seeds = np.random.SeedSequence(arguments.seed).generate_state(len(limits)).tolist()
-    plans, staircases = [], []
+    plans = []
     with progress('planning') as show:
         for index, (own, seed) in enumerate(zip(limits, seeds)):
             plans.append(plan_joint(
                 own, pairs, seconds, seed, model,
                 lambda share, index=index: show(  # type: ignore[misc]
                     (index + share) / len(limits), f'planning {limits[index].joint}')))
-            staircases.append(separations(
-                staircase(own, seconds, _RATE), pairs, coverage_within(own, seconds)))
     checked = 'effort limits are kept by the model' if model else 'effort is not checked'
     content = {'seconds': seconds, 'seed': arguments.seed,
                'effort_checked': model is not None, 'joints': [{
                    'joint': plan.limits.joint, 'start': plan.limits.centre,
                    'moves': len(plan.moves), 'pairs': [{
-                       'between': list(pair), 'plan': share,
-                       'staircase': plain[pair]} for pair, share in plan.separation.items()]}
-                   for plan, plain in zip(plans, staircases)]}
-    write_results(arguments, content, excitation_page(plans, staircases), files={
+                       'between': list(pair), 'plan': share}
+                       for pair, share in plan.separation.items()]} for plan in plans]}
+    write_results(arguments, content, excitation_page(plans), files={
         'trajectory.yaml': trajectory_of(plans, _RATE).to_yaml(
             f'Planned by friction_comp {__version__}; {checked}')})
     lines = []
@@ -137,7 +133,7 @@ def _model(arguments: Namespace, limits: list[JointLimits]) -> FrictionModel | N
 
 
 def _pairs(arguments: Namespace) -> list[Pair]:
-    from friction_comp.excitation.separation import DEFAULT, pairs_in, pairs_of
+    from friction_comp.excitation.plan import DEFAULT, pairs_in, pairs_of
 
     if arguments.ambiguous is None:
         return pairs_of(arguments.effects.split(',') if arguments.effects else DEFAULT)

@@ -16,8 +16,13 @@ from typing import Any
 
 from friction_comp.errors import InputError
 from friction_comp.files import encodable, output_folder, to_yaml
-from friction_comp.fleet.common_model import CommonModel
-from friction_comp.fleet.population import FEWEST_UNITS, fleet_json, Population, population_of
+from friction_comp.fleet.population import (
+    CommonModel,
+    FEWEST_UNITS,
+    fleet_json,
+    Population,
+    population_of,
+)
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import number
 from friction_comp.parallel import attempt, Failure, run_each, Runner, runner_on_cluster
