@@ -245,7 +245,7 @@ SWAPPED = (0, 2, 1)
 
 def note_plateaus() -> str:
     """Return the plateaus of Eq. 11 beside the breakaway currents of the note."""
-    from friction_comp.note.published import EXPERIMENTS
+    from friction_comp.note.experiments import EXPERIMENTS
 
     plateau = [row[0] / row[3] for row in NOTE_ROWS]
     return rows(['', 'plateau as printed, A', 'swapped, A', 'breakaway, A'], [
@@ -255,7 +255,7 @@ def note_plateaus() -> str:
 
 def note_peaks() -> str:
     """Return the peaks that the note measured, beside breakaway."""
-    from friction_comp.note.published import EXPERIMENTS
+    from friction_comp.note.experiments import EXPERIMENTS
 
     found = []
     for one in EXPERIMENTS:
@@ -268,7 +268,7 @@ def note_peaks() -> str:
 
 def note_rest() -> str:
     """Return what the printed law commands at rest."""
-    from friction_comp.note.published import EXPERIMENTS
+    from friction_comp.note.experiments import EXPERIMENTS
 
     found = []
     for k, one in enumerate(EXPERIMENTS):

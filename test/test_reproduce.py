@@ -11,7 +11,7 @@ import pytest
 
 from friction_comp.__main__ import run
 from friction_comp.note import experiments
-from friction_comp.note.published import EXPERIMENTS
+from friction_comp.note.experiments import EXPERIMENTS
 
 QUOTED = json.loads((Path(__file__).resolve().parent.parent / 'docs' / 'figures'
                      / 'reproduce.json').read_text(encoding='utf-8'))

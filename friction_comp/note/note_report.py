@@ -10,8 +10,13 @@ from typing import Any
 from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.note.experiments import ExperimentOutcome, STANDSTILLS
-from friction_comp.note.published import Experiment, EXPERIMENTS, FALSE_START
+from friction_comp.note.experiments import (
+    Experiment,
+    ExperimentOutcome,
+    EXPERIMENTS,
+    FALSE_START,
+    STANDSTILLS,
+)
 from friction_comp.number_text import number
 from friction_comp.reports.figures import (
     band,

@@ -22,8 +22,7 @@ from mcap.stream_reader import breakup_chunk, StreamReader
 import zstandard
 
 from friction_comp.errors import InputError, one_line
-from friction_comp.files import check_unpacked, open_input, read_yaml, unpacked_file
-from friction_comp.plain_yaml import parse_yaml
+from friction_comp.files import check_unpacked, open_input, parse_yaml, read_yaml, unpacked_file
 
 AnyPath = str | PathLike[str]
 Message = tuple[str, str, int, bytes]

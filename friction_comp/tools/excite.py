@@ -52,7 +52,7 @@ def main(argv: list[str] | None = None) -> int:
     import numpy as np
 
     from friction_comp.excitation.plan import plan_joint, trajectory_of
-    from friction_comp.reports.small_pages import excitation_page
+    from friction_comp.reports.other_pages import excitation_page
 
     pairs, limits = _pairs(arguments), limits_of(arguments)
     model = _model(arguments, limits)

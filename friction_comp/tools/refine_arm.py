@@ -16,7 +16,7 @@ from friction_comp.recorded_drive.given import drive_of, with_current_limit
 from friction_comp.recorded_drive.refine_recordings import assumed_in, notes_on, showing_friction
 from friction_comp.recordings.reader import read_arm
 from friction_comp.refinement import Origin
-from friction_comp.reports.fleet_page import arm_page
+from friction_comp.reports.other_pages import arm_page
 from friction_comp.reports.refinement_page import (
     refinement_page,
     refusal,

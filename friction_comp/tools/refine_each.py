@@ -72,7 +72,7 @@ def refine_each(arguments: Namespace) -> int:
     """
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
-    from friction_comp.reports.fleet_page import each_page, fleet_verdict, verdict
+    from friction_comp.reports.other_pages import each_page, fleet_verdict, verdict
     from friction_comp.reports.refinement_page import effect_names
 
     begin = time.monotonic()

@@ -15,8 +15,8 @@ from friction_comp.identification.curves import fit_steady_states, SteadyStates
 from friction_comp.number_text import in_own_units
 from friction_comp.recorded_drive.given import drive_of, figures_unit
 from friction_comp.refinement import thresholds
+from friction_comp.reports.other_pages import steady_state_page, steady_state_rows
 from friction_comp.reports.refinement_page import next_steps, Row, step_lines, table_lines
-from friction_comp.reports.small_pages import steady_state_page, steady_state_rows
 from friction_comp.statistics import rms
 from friction_comp.tables.column_names import read_name
 from friction_comp.tables.columns import Column
