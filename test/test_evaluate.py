@@ -15,7 +15,7 @@ from friction_comp.evaluation.conditions import evaluate, evaluate_recordings
 from friction_comp.evaluation.repetitions import Compensation, find_movements
 from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import write_samples
-from friction_comp.recordings.activity import Activity
+from friction_comp.recordings.scan import Activity
 from friction_comp.reports.evaluation_page import remarks, verdict
 from friction_comp.samples import RecordingInfo, Samples
 

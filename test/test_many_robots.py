@@ -30,7 +30,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.parallel import Failure, run_each, runner_on_cluster
 from friction_comp.recordings import write_samples
-from friction_comp.recordings.sources import pieces_of
+from friction_comp.recordings.reader import pieces_of
 from friction_comp.reports.other_pages import each_page
 from friction_comp.samples import Samples
 from simulated_recordings.drives import excitation_for, random_drive, record

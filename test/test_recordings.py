@@ -30,7 +30,7 @@ from friction_comp.recordings import (
     recorded_joints,
     write_samples,
 )
-from friction_comp.recordings.sources import without_topic
+from friction_comp.recordings.reader import without_topic
 from friction_comp.tools.common import folder_names
 
 

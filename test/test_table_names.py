@@ -15,7 +15,7 @@ from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
 from friction_comp.recordings import read_recording_with_info
-from friction_comp.tables.column_names import read_name
+from friction_comp.tables.columns import read_name
 from friction_comp.tables.table_files import Table
 from friction_comp.tables.units import parse_unit, unit_of
 

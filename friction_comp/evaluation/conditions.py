@@ -37,8 +37,12 @@ from friction_comp.evaluation.repetitions import (
     Repetition,
     torque_figures,
 )
-from friction_comp.recordings.reader import read_recording_with_info
-from friction_comp.recordings.sources import Piece, pieces_of, without_topic
+from friction_comp.recordings.reader import (
+    Piece,
+    pieces_of,
+    read_recording_with_info,
+    without_topic,
+)
 from friction_comp.samples import RecordingInfo, Samples
 from friction_comp.statistics import CONFIDENCE, holm, rms, student_quantile, student_tail
 

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from friction_comp.facts.timing import gap_length
-from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.joint_samples import HOLE
+from friction_comp.recordings.scan import Activity
 from friction_comp.samples import RecordingInfo, Samples
 from friction_comp.statistics import rms, top_speed
 

@@ -46,7 +46,7 @@ def refine_recordings(given: Given, paths: Sequence[Path],
     joint, model = given.joint, None
     if given.model:
         from friction_comp.model.friction_model import FrictionModel
-        from friction_comp.recordings.sources import find_recordings, recorded_joints, without_topic
+        from friction_comp.recordings.reader import find_recordings, recorded_joints, without_topic
 
         first = find_recordings(paths)[0]
         model = FrictionModel.load(given.model, joint and without_topic(first, joint))

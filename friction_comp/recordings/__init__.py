@@ -11,9 +11,9 @@ import importlib
 from typing import Any
 
 _HOMES = {
-    'activity': ['Activity'],
-    'reader': ['read_arm', 'read_joints', 'read_recording', 'read_recording_with_info'],
-    'sources': ['find_recording', 'find_recordings', 'recorded_joints'],
+    'scan': ['Activity'],
+    'reader': ['find_recording', 'find_recordings', 'read_arm', 'read_joints', 'read_recording',
+               'read_recording_with_info', 'recorded_joints'],
     'writer': ['RecordingWriter', 'write_samples']}
 
 

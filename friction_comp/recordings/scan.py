@@ -10,13 +10,13 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 import math
 from pathlib import Path
+import re
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.checks import one_of
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
 from friction_comp.recordings.storage import Storage, unpack
 from friction_comp.stamps import NANO
 from friction_comp.tables.columns import STATES
@@ -26,6 +26,10 @@ from friction_comp.topics import TOPICS, TORQUE_UNIT
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
+_DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+# A compensator that runs from the beginning of a recording reports within this time, ns. It reports
+# every second of real time, in which a simulation may advance by several.
+_FIRST_REPORT = 10_000_000_000
 # Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them: used
 # where the usual ones have no effort.
 _DYNAMIC = 'dynamic_joint_states'
@@ -71,6 +75,68 @@ class Track:
     # frame, arrays (N, 1). Float64MultiArray and Int8MultiArray: an array (N, J) with the key '',
     # or `TORQUE_UNIT` for commands in N·m, NaN in messages of the other unit.
     values: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Activity:
+    """What a compensator reported, valid from `time` on; '' if not reported."""
+
+    time: int           # received at, ns
+    state: str          # its lifecycle state; 'identification' while that node moved the joint
+    law: str
+    model: str          # model files
+    joints: str = ''    # joints of the model files, in the same order
+    settings: str = ''  # of the law, where they are not the defaults
+
+    @property
+    def models(self) -> dict[str, str]:
+        """Model file of each joint; empty if they were not reported."""
+        joints, models = self.joints.split(', '), self.model.split(', ')
+        return dict(zip(joints, models)) if self.model and len(joints) == len(models) else {}
+
+    def of(self, joint: str) -> Activity:
+        """Return the activity with only the model file of one joint, where several are listed."""
+        return replace(self, model=self.models.get(joint, self.model))
+
+
+class _ActivityLog:
+    """Collects the changes of activity from diagnostics, in the order they were received."""
+
+    def __init__(self) -> None:
+        self.changes: list[Activity] = []
+
+    def add(self, time: int, message: Any, begin: int) -> None:
+        """Add a DiagnosticArray received at `time`, ns.
+
+        A compensator's first report also applies to the time before it, back to `begin`, ns.
+        """
+        before = len(self.changes)
+        for status in message.status:
+            last = self.changes[-1] if self.changes else None
+            activity = _activity_of(status, time, last)
+            if activity and (last is None or replace(
+                    activity, time=last.time, joints=last.joints) != last):
+                self.changes.append(activity)
+        if not before and self.changes:
+            first = self.changes[0]
+            if first.time - begin < _FIRST_REPORT and first.state != 'identification':
+                self.changes[0] = replace(first, time=min(first.time, begin))
+
+
+def _activity_of(status: Any, time: int, last: Activity | None) -> Activity | None:
+    """Return what a DiagnosticStatus of a compensator or of identification says, else None."""
+    values = {item.key: item.value for item in status.values}
+    if 'identification' in status.name:
+        # The node reports a phase only while it moves a joint.
+        if 'phase' in values:
+            return Activity(time, 'identification', '', '', status.hardware_id)
+        return Activity(time, '', '', '') if last and last.state == 'identification' else None
+    if 'compensator' not in f'{status.name} {status.hardware_id}':
+        return None
+    # One file per joint is reported as a list: remove its brackets and quotes.
+    model = re.sub(r"""['"\[\]]""", '', values.get('model_files', ''))
+    return Activity(time, values.get('state', ''), values.get('law', ''), model, status.hardware_id,
+                    values.get('settings', ''))
 
 
 @dataclass
@@ -156,12 +222,12 @@ def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | N
         named = kind == TOPICS['joint_states'] and (joint or '').startswith(f'{topic}/')
         return signal_of(topic, kind) or ('joint_states' if named else None)
 
-    types, readers, activity, begin = _message_types(), dict[str, _Reader](), ActivityLog(), 0
+    types, readers, activity, begin = _message_types(), dict[str, _Reader](), _ActivityLog(), 0
     notes: list[str] = []
     with os_errors_name(path, 'cannot be read: '):
         storage = Storage(path)
         with closing(storage.messages(
-                lambda topic, kind: kind == DIAGNOSTICS or signal(topic, kind) is not None)
+                lambda topic, kind: kind == _DIAGNOSTICS or signal(topic, kind) is not None)
         ) as messages:
             for topic, kind, receive, raw in messages:
                 begin = begin or receive
@@ -170,7 +236,7 @@ def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | N
                 reader = readers[topic]
                 try:
                     message = types.deserialize_cdr(unpack(raw), kind)
-                    if kind == DIAGNOSTICS:
+                    if kind == _DIAGNOSTICS:
                         activity.add(receive, message, begin)
                     else:
                         reader.add(receive, message)

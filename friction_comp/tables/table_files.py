@@ -32,7 +32,7 @@ from friction_comp.files import (
     Unpacked,
     write_atomically,
 )
-from friction_comp.tables.column_names import read_name
+from friction_comp.tables.columns import read_name
 from friction_comp.tables.units import other_unit, parse_unit
 
 Columns = dict[str, np.ndarray]

@@ -200,7 +200,7 @@ def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
 
     Returns velocity and effort if the only recording is a table of steady states.
     """
-    from friction_comp.recordings.sources import find_recordings
+    from friction_comp.recordings.reader import find_recordings
     from friction_comp.tables.table_recording import TableRecording
 
     layout = layout_of(arguments)

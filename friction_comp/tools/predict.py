@@ -50,8 +50,12 @@ def main(argv: list[str] | None = None) -> int:
         return predict_plan(arguments, plan)
     # A plan needs none of these.
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings.reader import read_recording_with_info
-    from friction_comp.recordings.sources import find_recording, recorded_joints, without_topic
+    from friction_comp.recordings.reader import (
+        find_recording,
+        read_recording_with_info,
+        recorded_joints,
+        without_topic,
+    )
 
     path, layout = find_recording(arguments.recording), layout_of(arguments)
     model = FrictionModel.load(arguments.model, without_topic(path, arguments.joint))

@@ -28,8 +28,7 @@ from friction_comp.number_text import number
 from friction_comp.parallel import attempt, Failure, run_each, Runner, runner_on_cluster
 from friction_comp.recorded_drive.given import Given
 from friction_comp.recorded_drive.refine_recordings import refine_recordings, showing_friction
-from friction_comp.recordings.reader import read_condensed
-from friction_comp.recordings.sources import Piece, pieces_of
+from friction_comp.recordings.reader import Piece, pieces_of, read_condensed
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.results import to_json
 from friction_comp.terminal import progress

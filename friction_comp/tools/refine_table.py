@@ -18,8 +18,7 @@ from friction_comp.refinement import thresholds
 from friction_comp.reports.other_pages import steady_state_page, steady_state_rows
 from friction_comp.reports.refinement_page import next_steps, Row, step_lines, table_lines
 from friction_comp.statistics import rms
-from friction_comp.tables.column_names import read_name
-from friction_comp.tables.columns import Column
+from friction_comp.tables.columns import Column, read_name
 from friction_comp.tables.table_files import Table
 from friction_comp.tools.common import given_of, write_results
 

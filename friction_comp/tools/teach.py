@@ -24,8 +24,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     from friction_comp.exercise.exercise_script import exercise_of
     from friction_comp.exercise.taught_exercise import teach
-    from friction_comp.recordings.reader import read_arm
-    from friction_comp.recordings.sources import find_recording
+    from friction_comp.recordings.reader import find_recording, read_arm
 
     with progress('reading') as report:
         arm = read_arm(find_recording(arguments.recording), progress=report,
