@@ -127,7 +127,7 @@ def test_result_holds_table_fit_breakaway_and_model(quick, tmp_path):
     assert loaded.joint == 'elbow'
     assert loaded.breakaway == result.breakaway
     for name, values in loaded.lookup_table.items():
-        assert values == getattr(result, name).tolist()
+        assert list(values) == getattr(result, name).tolist()
     np.testing.assert_allclose(loaded.sigmoid(result.speeds), result.sigmoid(result.speeds))
 
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import itertools
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,11 +43,6 @@ _ENDS, _ENDED, _FEW = math.radians(5.0), 2.0 * math.atanh(0.98), 6
 # search, whose steps are halved where none is better.
 _RANK, _CLOSE, _ROUNDS = 8, 30, 40
 _STEPS = np.array(list(itertools.product((0.0, -1.0, 1.0), repeat=2)))
-# Of steady states: steepness of the sign change, in units of one over the slowest speed; scatter
-# that is rounding, in units of the largest current; fewest pairs of neighbouring speeds that show
-# the form of the errors, and errors too small to matter, in units of the current.
-_STEEP, _ROUNDING, _FEWEST_PAIRS, _SMALL = 10.0, 1e-9, 6, 0.01
-
 
 # Eq. 6.
 
@@ -200,7 +196,7 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
     plain = {'coulomb': np.sign(speeds), 'viscous': speeds}
     plain |= {'offset': np.ones_like(speeds)} if both else {}
     skewed = {**plain, 'viscous_asymmetry': np.abs(speeds)}
-    fits = [_Steady.fitted(speeds, currents, terms, power)
+    fits = [_fit_terms(speeds, currents, terms, power)
             for terms in ((plain, skewed) if both else (plain,)) for power in (0.0, 1.0, 2.0)]
     best = min(fits, key=lambda fit: fit.criterion)
     # Whether the errors of neighbouring speeds are more alike than chance makes them.
@@ -208,89 +204,78 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
         best.residual[speeds > 0.0], best.residual[speeds < 0.0])])
     squares = float(np.mean(best.residual ** 2))
     return SteadyStates(
-        speeds=speeds, currents=currents, values=best.values, intervals=best.intervals(),
-        model=best.model(speeds, currents, drive), fit_rmse=rms(best.residual),
-        left_out_rmse=best.left_out(), plain_rmse=fits[0].left_out(),
-        is_curved=len(alike) >= _FEWEST_PAIRS and squares > (_SMALL * rms(currents)) ** 2 and bool(
+        speeds=speeds, currents=currents, values=best.values, intervals={
+            name: (value - half, value + half)
+            for (name, value), half in zip(best.values.items(), best.halves)},
+        model=_model_of(best.values, best.power, speeds, currents, drive),
+        fit_rmse=rms(best.residual), left_out_rmse=best.left_out, plain_rmse=fits[0].left_out,
+        is_curved=len(alike) >= 6 and squares > (0.01 * rms(currents)) ** 2 and bool(
             np.mean(alike) > 2.0 * squares / math.sqrt(len(alike))))
 
 
-@dataclass(frozen=True)
-class _Steady:
-    """Least squares of one choice of terms, (N, K)."""
-
-    values: dict[str, float]
-    power: float            # of Stribeck friction's exponent; 0: none
-    jacobian: np.ndarray
-    residual: np.ndarray
+class _Fit(NamedTuple):
     criterion: float        # Akaike's for small samples
+    values: dict[str, float]
+    halves: list[float]     # of the values' 95 % intervals
+    power: float            # of Stribeck friction's exponent; 0: none
+    residual: np.ndarray
+    left_out: float         # RMS error of each row, predicted by a fit to the others
 
-    @classmethod
-    def fitted(cls, speeds: np.ndarray, currents: np.ndarray, terms: dict[str, np.ndarray],
-               power: float) -> _Steady:
-        """Fit terms, and Stribeck friction that fades as exp(-|v / speed|^power)."""
-        size, columns = np.abs(speeds), np.column_stack(list(terms.values()))
-        names, design = list(terms), columns
-        if power:
-            def with_stribeck(fading: float) -> np.ndarray:
-                return np.column_stack(
-                    (columns, np.sign(speeds) * np.exp(-(size / fading) ** power)))
 
-            def error(fading: float) -> float:
-                tried = with_stribeck(fading)
-                return rms(currents - tried @ np.linalg.lstsq(tried, currents, rcond=None)[0])
-            # As in the effect: from below the slowest to two thirds of the top speed.
-            grid = np.geomspace(0.5 * size.min(), 0.7 * size.max(), 60)
-            k = int(np.clip(np.argmin([error(one) for one in grid]), 1, len(grid) - 2))
-            fading = float(optimize.minimize_scalar(
-                error, bounds=(grid[k - 1], grid[k + 1]), method='bounded').x)
-            names, design = [*names, 'stribeck', 'stribeck_speed'], with_stribeck(fading)
-        found = np.linalg.lstsq(design, currents, rcond=None)[0]
-        residual = currents - design @ found
-        if power:
-            slope = (with_stribeck(1.0001 * fading) - design)[:, -1] / (1e-4 * fading)
-            design = np.column_stack((design, found[-1] * slope))
-            found = np.append(found, fading)
-        values = dict(zip(names, found.tolist()))
-        count, free = design.shape
-        floor = count * (_ROUNDING * float(np.max(np.abs(currents)))) ** 2
-        # One more parameter is the scatter.
-        spare, criterion = count - free - 2, math.inf
-        if spare > 0 and values.get('stribeck', 1.0) > 0.0:
-            criterion = 2.0 * (free + 1) * count / spare + count * math.log(
-                max(float(residual @ residual), floor) / count)
-        return cls(values, power, design, residual, criterion)
+def _fit_terms(speeds: np.ndarray, currents: np.ndarray, terms: dict[str, np.ndarray],
+               power: float) -> _Fit:
+    """Fit terms, (N,) each, and Stribeck friction that fades as exp(-|v / speed|^power)."""
+    size, names, design = np.abs(speeds), list(terms), np.column_stack(list(terms.values()))
 
-    def intervals(self) -> dict[str, tuple[float, float]]:
-        """Return the 95 % intervals of the values."""
-        count, free = self.jacobian.shape
-        variance = float(self.residual @ self.residual) / (count - free)
-        spread = np.sqrt(variance * np.diag(np.linalg.pinv(self.jacobian.T @ self.jacobian)))
-        half = float(student_quantile(count - free)) * spread
-        return {name: (value - width, value + width)
-                for (name, value), width in zip(self.values.items(), half.tolist())}
+    def with_stribeck(fading: float) -> np.ndarray:
+        return np.column_stack((*terms.values(), np.sign(speeds) * np.exp(
+            -(size / fading) ** power)))
 
-    def left_out(self) -> float:
-        """Return the RMS error of each row, predicted by a fit to the others."""
-        leverage = np.diag(self.jacobian @ np.linalg.pinv(self.jacobian))
-        return rms(self.residual / np.maximum(1.0 - leverage, 1e-6))
+    def error(fading: float) -> float:
+        tried = with_stribeck(fading)
+        return rms(currents - tried @ np.linalg.lstsq(tried, currents, rcond=None)[0])
+    if power:
+        # As in the effect: from below the slowest to two thirds of the top speed.
+        grid = np.geomspace(0.5 * size.min(), 0.7 * size.max(), 60)
+        k = int(np.clip(np.argmin([error(one) for one in grid]), 1, len(grid) - 2))
+        fading = float(optimize.minimize_scalar(
+            error, bounds=(grid[k - 1], grid[k + 1]), method='bounded').x)
+        names, design = [*names, 'stribeck', 'stribeck_speed'], with_stribeck(fading)
+    found = np.linalg.lstsq(design, currents, rcond=None)[0]
+    residual = currents - design @ found
+    if power:
+        slope = (with_stribeck(1.0001 * fading) - design)[:, -1] / (1e-4 * fading)
+        design, found = np.column_stack((design, found[-1] * slope)), np.append(found, fading)
+    count, free = design.shape
+    inverse, values = np.linalg.pinv(design), dict(zip(names, found.tolist()))
+    # One more parameter is the scatter, which is at least rounding.
+    spare, criterion, squares = count - free - 2, math.inf, float(residual @ residual)
+    if spare > 0 and values.get('stribeck', 1.0) > 0.0:
+        criterion = 2.0 * (free + 1) * count / spare + count * math.log(
+            max(squares / count, (1e-9 * float(np.max(np.abs(currents)))) ** 2))
+    spread = np.sqrt(squares / max(count - free, 1) * np.diag(inverse @ inverse.T))
+    halves = (student_quantile(max(count - free, 1)) * spread).tolist()
+    return _Fit(criterion, values, halves, power, residual, rms(
+        residual / np.maximum(1.0 - np.diag(design @ inverse), 1e-6)))
 
-    def model(self, speeds: np.ndarray, currents: np.ndarray, drive: Drive) -> FrictionModel:
-        """Return the curve as a model with the table in it."""
-        value, steepness = self.values, _STEEP / float(np.min(np.abs(speeds)))
-        offset, coulomb = value.get('offset', 0.0), value['coulomb']
-        effects = [EFFECTS['stribeck']({
-            'velocity': value['stribeck_speed'], 'exponent': self.power,
-            'transition': 2.0 / steepness, 'coefficients': [value['stribeck']]})
-        ] if self.power else []
-        effects += [EFFECTS['direction_asymmetry']({
-            'offset': 1.0, 'transition': 2.0 / steepness,
-            'coefficients': [0.0, value['viscous_asymmetry']]})
-        ] if 'viscous_asymmetry' in value else []
-        means = {speed: currents[speeds == speed] for speed in np.unique(speeds)}
-        return FrictionModel(
-            drive, Sigmoid(offset + coulomb, offset - coulomb, steepness, 0.0, value['viscous']),
-            effects=effects, lookup_table={
-                'speeds': [float(speed) for speed in means],
-                'currents': [float(np.mean(one)) for one in means.values()],
-                'standard_deviations': [float(np.std(one)) for one in means.values()]})
+
+def _model_of(value: dict[str, float], power: float, speeds: np.ndarray, currents: np.ndarray,
+              drive: Drive) -> FrictionModel:
+    """Return a curve as a model with the table in it."""
+    # The sign changes within a fifth of the slowest speed.
+    steepness = 10.0 / float(np.min(np.abs(speeds)))
+    offset, coulomb = value.get('offset', 0.0), value['coulomb']
+    forms: dict[str, dict[str, Any]] = {
+        'stribeck': {'velocity': value.get('stribeck_speed'), 'exponent': power,
+                     'coefficients': [value.get('stribeck')]},
+        'direction_asymmetry': {
+            'offset': 1.0, 'coefficients': [0.0, value.get('viscous_asymmetry')]}}
+    effects = [EFFECTS[name]({**own, 'transition': 2.0 / steepness})
+               for name, own in forms.items() if None not in own['coefficients']]
+    means = {float(speed): currents[speeds == speed] for speed in np.unique(speeds)}
+    return FrictionModel(
+        drive, Sigmoid(offset + coulomb, offset - coulomb, steepness, 0.0, value['viscous']),
+        effects=effects, lookup_table={
+            'speeds': list(means),
+            'currents': [float(np.mean(one)) for one in means.values()],
+            'standard_deviations': [float(np.std(one)) for one in means.values()]})

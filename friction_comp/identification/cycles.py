@@ -29,27 +29,10 @@ from friction_comp.identification.goal import constant_velocity_windows, FEWEST,
 
 MAX_SCATTER = 0.15
 """Standard deviation above which a current does not measure friction, a share of it."""
-# For two cycles to be compared, share by which the mean speed may differ, since one that was slower
-# or faster measured other friction, and how many times as much the current may scatter.
-_SAME_SPEED, _SAME_SCATTER = 0.02, 1.5
-# Share of friction, and standard errors of the difference, by which a speed that is driven again
-# must differ for friction to drift.
-_DRIFT, _ERRORS = 0.03, 3.0
-# Share of the samples of a phase that, if all counted alike, would have the error of the weighted
-# mean: (∫w)² / ∫w² with w = s²(1 - s)².
-_COUNTED = 0.7
-# For inertia, so many cycles of neighbouring speeds are used together.
-_CYCLES = 3
-# Each of three averages takes this share of a cycle. Samples are used from this share of the top
-# speed on: nearer to a reversal, presliding ends.
-_SMOOTHING, _PASSES, _FAST = 0.008, 3, 0.5
 # The profile's velocity (Eq. 3) over the share of a cycle, and the low passes behind which the
 # motion follows it, s: velocity controllers of 10 to 100 rad/s.
 _SHARES, _SPEEDS = (0.0, 0.1, 0.4, 0.6, 0.9, 1.0), (0.0, 1.0, 1.0, -1.0, -1.0, 0.0)
 _FOLLOWS = (0.0, 0.03, 0.1)
-# Inertia must explain this share, and of other speeds this one to be compared. A lag is taken that
-# leaves at most this share of what none leaves unexplained.
-_EXPLAINED, _COMPARED, _LESS = 0.8, 0.5, 0.5
 
 
 @dataclass(frozen=True)
@@ -153,7 +136,8 @@ class Cycle:
     @property
     def error(self) -> float:
         """Standard error of the mean current, a share of friction."""
-        return max(point.standard_deviation / math.sqrt(max(_COUNTED * len(phase), 1.0))
+        # With the weights, as if 0.7 of the samples counted alike.
+        return max(point.standard_deviation / math.sqrt(max(0.7 * len(phase), 1.0))
                    for point, phase in zip(self.points, self.phases())) / self.friction
 
     @property
@@ -209,8 +193,9 @@ def levelled(cycles: Sequence[Cycle], slopes: Sequence[float]) -> list[Cycle]:
 def pairs(first: Sequence[Cycle], again: Sequence[Cycle]) -> list[tuple[Cycle, Cycle]]:
     """Return cycles that held the same speed twice, by the time of the first."""
     def alike(one: Cycle, other: Cycle) -> bool:
-        return other.scatter <= max(MAX_SCATTER, _SAME_SCATTER * one.scatter) and all(
-            abs(b.actual_speed / a.actual_speed - 1.0) <= _SAME_SPEED
+        # One that was slower or faster measured other friction.
+        return other.scatter <= max(MAX_SCATTER, 1.5 * one.scatter) and all(
+            abs(b.actual_speed / a.actual_speed - 1.0) <= 0.02
             for a, b in zip(one.points, other.points))
     return [(one, other) for one in first for other in again
             if one.speed == other.speed and alike(one, other)]
@@ -234,7 +219,7 @@ def without_drift(first: Sequence[Cycle], again: Sequence[Cycle]
     moved = changes(both)
     shares = {a.speed: max(forward, -backward, key=abs) / a.friction
               for (a, _), (forward, backward) in zip(both, moved)}
-    if not any(abs(shares[a.speed]) > max(_DRIFT, _ERRORS * math.hypot(a.error, b.error))
+    if not any(abs(shares[a.speed]) > max(0.03, 3.0 * math.hypot(a.error, b.error))
                for a, b in both):
         return [point for cycle in first for point in cycle.points], {}
     times = [a.time for a, _ in both]
@@ -263,14 +248,15 @@ def steadiest_inertia(cycles: Sequence[np.ndarray]) -> Inertia | None:
     current.
     """
     own = [_products(cycle) for cycle in cycles]
-    last = max(len(own) - _CYCLES, 0)
+    # Three speeds at a time.
+    last = max(len(own) - 3, 0)
     found = [one for k in range(min(len(own) // 3, last), last + 1)
-             if (one := _explained(own[k:k + _CYCLES]))[0] > 0.0]
+             if (one := _explained(own[k:k + 3]))[0] > 0.0]
     best, unexplained = min(found, key=lambda one: one[1], default=(0.0, 1.0))
-    if unexplained > 1.0 - _EXPLAINED:
+    if unexplained > 0.2:
         return None
     return Inertia(1.0 / best, unexplained, max(
-        abs(math.log(one / best)) for one, left in found if left <= _COMPARED))
+        abs(math.log(one / best)) for one, left in found if left <= 0.5))
 
 
 def _products(cycle: np.ndarray) -> np.ndarray:
@@ -288,11 +274,12 @@ def _products(cycle: np.ndarray) -> np.ndarray:
     signals = np.column_stack([
         np.interp(even, time, position), np.interp(even, time, current),
         *(_late(profile, lag, step) for lag in _FOLLOWS)])
-    for _ in range(_PASSES):
+    for _ in range(3):
         signals = uniform_filter1d(
-            signals, max(int(_SMOOTHING * duration / step), 3), axis=0, mode='nearest')
+            signals, max(int(0.008 * duration / step), 3), axis=0, mode='nearest')
     speed = np.gradient(signals[:, 0], step)
-    chosen = np.abs(speed) > _FAST * float(np.max(np.abs(speed)))
+    # Nearer to a reversal, presliding ends.
+    chosen = np.abs(speed) > 0.5 * float(np.max(np.abs(speed)))
     columns = np.column_stack([speed, np.gradient(speed, step), np.gradient(signals[:, 1], step),
                                signals[:, 1]])[chosen]
     sides = np.column_stack([speed > 0.0, speed < 0.0]).astype(float)[chosen]
@@ -315,7 +302,7 @@ def _explained(products: Sequence[np.ndarray]) -> tuple[float, float]:
     late = np.linalg.lstsq(alike[:2, :2], alike[:2, 2], rcond=None)[0]
     left = [float(1.0 - found @ alike[:len(found), 2]) for found in (plain, late)]
     # Behind a filter, a current's own slope makes up for its lag.
-    found, unexplained = (late, left[1]) if left[1] < _LESS * left[0] else (plain, left[0])
+    found, unexplained = (late, left[1]) if left[1] < 0.5 * left[0] else (plain, left[0])
     return float(found[0] * sizes[2] / sizes[0]), unexplained
 
 

@@ -32,35 +32,11 @@ SHORTEST_PAUSE, LONGEST_PAUSE = 0.15, 2.4
 """Times on a stair, s: doubled from the shortest on until the joint rests, or slides."""
 SLIDE_SHARE = 0.5
 """A joint slides that moves during a pause by this share of all its movement on the ramp before."""
-# The first stair, as a share of the only current that held so far, and of the least of several: it
-# is near breakaway, since what a joint creeps under stairs is no part of its presliding distance.
-_FIRST, _NEAR = 0.9, 0.95
-# A joint rests if it moves in the last third of a pause by at most this share of its movement in
-# the second third, or by so much of a count, or by less than so many times its noise, or at this
-# speed, rad/s: a contact may creep at a steady rate from far below breakaway on.
-_SLOWER, _COUNT, _ERRORS, _CREEP = 0.5, 0.5, 3.0, 3e-4
-# Limits of the smoothing window of f, s: a rotor breaks free more slowly, the gear resonates
-# faster; and noise of f that remains, as a share of the largest current.
-_SHORTEST, _LONGEST, _NOISE = 0.024, 0.064, 0.007
-# Share of breakaway at which presliding ends; beside the scatter, its standard deviations: of begin
-# and end within a count, counts, and of the method, a share of the distance.
-_PRESLIDING_END, _SHARE_OF_COUNT, _METHOD = 0.95, 0.4, 0.09
 # Least depth of a ramp's curve below its hull, as a share of breakaway, share of the ramps in each
 # direction that must exceed it (not every ramp crosses backlash), and depth from which on a ramp
 # has crossed some where it is seen. Gears without backlash stay below in at least one direction;
 # chains of Maxwell elements exceed 0.03; those with visible backlash have 0.05 to 0.24 in both.
 _DEPTH, _SHARE, _CROSSED = 0.04, 0.2, 0.015
-# Standard deviations of noise that a dip must exceed, smallest backlash in counts, places of
-# displacement at most, and share of the backlash from which on the tangent at the touch is taken.
-_SURE, _SEEN_COUNTS, _BINS, _TANGENT = 3.0, 3.0, 60, 0.75
-# Standard deviations of a position that trembles which it resolves.
-_GRAIN = 3.0
-# Share of a pause at its beginning whose current is not used: the current controller settles.
-_SETTLING = 0.3
-# Accepted two standard errors of breakaway, as a share of it, for a gear with backlash; current at
-# which the joint goes, over that which held it, above which it gives way in between: on the note's
-# drives, whose friction rises from standstill, it is at most 1.14.
-_MOST_SCATTER, _CREEPS = 0.05, 1.2
 
 
 class Held(NamedTuple):
@@ -91,14 +67,18 @@ class Ramp(NamedTuple):
     @property
     def breakaway(self) -> float:
         """The mean measured current of the last stair that held, A, signed."""
+        # At its beginning, the current controller settles.
         begin, end, _ = self.held
-        return self.current(begin + _SETTLING * (end - begin), end)
+        return self.current(begin + 0.3 * (end - begin), end)
 
 
 def first_stair(held: Sequence[float]) -> float:
-    """Return the current in A of a ramp's first stair, after those that held, A."""
+    """Return the current in A of a ramp's first stair, after those that held, A.
+
+    It is near breakaway: what a joint creeps under stairs is no part of its presliding distance.
+    """
     # A single one does not tell how much they differ.
-    return _NEAR * min(held) if len(held) > 1 else _FIRST * held[0]
+    return 0.95 * min(held) if len(held) > 1 else 0.9 * held[0]
 
 
 def risen(share: float, from_rest: bool) -> float:
@@ -120,10 +100,11 @@ def rests(time: Sequence[float], position: Sequence[float], sign: int, resolutio
     x = sign * (np.asarray(position) - position[0])
     thirds = [x[(share >= k / 3.0) & (share <= (k + 1) / 3.0)] for k in range(3)]
     first, second, third = (float(np.mean(part)) for part in thirds)
-    noise = _ERRORS * noise_level(x - np.interp(share, (1 / 6, 0.5, 5 / 6), (
+    noise = 3.0 * noise_level(x - np.interp(share, (1 / 6, 0.5, 5 / 6), (
         first, second, third))) * math.sqrt(2.0 / len(thirds[-1]))
-    creep = _CREEP * (time[-1] - time[0]) / 3.0
-    return third - second <= max(_COUNT * resolution, noise, _SLOWER * (second - first), creep)
+    # A contact may creep at a steady rate, of 0.3 mrad/s, from far below breakaway on.
+    creep = 1e-4 * (time[-1] - time[0])
+    return third - second <= max(0.5 * resolution, noise, 0.5 * (second - first), creep)
 
 
 def breakaway_of(ramps: Sequence[Ramp]) -> Breakaway:
@@ -165,12 +146,13 @@ class RampFriction:
         even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
         moved = np.interp(even, time, ramp.direction * (position - position[0]))
         driven = np.interp(even, time, ramp.direction * current)
-        # The shortest window that encoder and noise allow. Variance of a parabola's second
-        # derivative over a window T: 720·σ²·step/T⁵.
-        allowed = _NOISE * max(float(np.max(driven)), 1e-9)
+        # The shortest window that encoder and noise allow, for noise of 0.7 % of the current: a
+        # rotor breaks free more slowly than 24 ms, the gear resonates faster than 64 ms. Variance
+        # of a parabola's second derivative over a window T: 720·σ²·step/T⁵.
+        allowed = 0.007 * max(float(np.max(driven)), 1e-9)
         counts = (60.0 * resolution ** 2 * step / (allowed * acceleration_per_current) ** 2) ** 0.2
-        width = max(counts, step * (noise_level(driven) / allowed) ** 2, _SHORTEST)
-        count = max(round(min(width, _LONGEST) / step), 5) | 1
+        width = max(counts, step * (noise_level(driven) / allowed) ** 2, 0.024)
+        count = max(round(min(width, 0.064) / step), 5) | 1
         inner = slice(count // 2, even.size - count // 2)
         smooth_position, speed, acceleration = (
             savgol_filter(moved, count, 2, deriv=order, delta=step)[inner] for order in range(3))
@@ -181,7 +163,7 @@ class RampFriction:
             current=smooth - inertia - viscous * speed, position=smooth_position,
             measured=moved[inner], half=count // 2,
             noise=float(np.std(driven[inner] - smooth) / np.sqrt(count)),
-            grain=max(resolution, _GRAIN * noise_level(moved)))
+            grain=max(resolution, 3.0 * noise_level(moved)))
 
     def presliding(self, breakaway: float, upturn: int = 0) -> float:
         """Return the displacement in rad at which friction reaches 95 % of this ramp's breakaway.
@@ -192,17 +174,17 @@ class RampFriction:
         moved = np.maximum.accumulate(self.position)
         friction, crossed = self.current, moved[upturn]
         if upturn > 0:
-            before, touch = np.interp((_TANGENT * crossed, crossed), moved, self.current)
-            slope = (touch - before) / ((1.0 - _TANGENT) * crossed)
+            before, touch = np.interp((0.75 * crossed, crossed), moved, self.current)
+            slope = 4.0 * (touch - before) / crossed
             added = np.maximum.accumulate(np.where(
                 moved > crossed, self.current - touch - slope * (moved - crossed), 0.0))
             friction = friction + np.interp(moved + crossed, moved, added) - added
         top = float(np.max(self.current[-self.half:]))
-        return float(self.position[np.argmax(friction >= min(_PRESLIDING_END * breakaway, top))])
+        return float(self.position[np.argmax(friction >= min(0.95 * breakaway, top))])
 
     def upturn(self) -> tuple[float, int]:
         """Return the largest depth of the curve below its hull, a share of its peak, its index."""
-        width = max(self.grain, float(np.max(self.measured)) / _BINS)
+        width = max(self.grain, float(np.max(self.measured)) / 60.0)
         bins = np.maximum.accumulate(np.maximum(0, np.rint(self.measured / width).astype(int)))
         count = np.bincount(bins)
         # The position within the first count is unknown, so it is not used.
@@ -220,7 +202,7 @@ class RampFriction:
         below = np.interp(x[:top + 1], x[corners], y[corners]) - y[:top + 1]
         # Samples within the smoothing window have the same noise.
         windows = np.maximum(1.0, count[x[:top + 1]] / (2 * self.half + 1))
-        below -= _SURE * self.noise / np.sqrt(windows)
+        below -= 3.0 * self.noise / np.sqrt(windows)
         return float(np.max(below) / y[top]), int(np.searchsorted(bins, x[np.argmax(below)]))
 
 
@@ -249,7 +231,7 @@ def combined_presliding(ways: np.ndarray, onward: np.ndarray, resolution: float,
                if np.sum(side) > 2 else 0.3 * distance
                for side in (onward, ~onward) if side.any()]
     return distance, unknown + math.hypot(
-        rms(np.array(scatter)), _SHARE_OF_COUNT * resolution, _METHOD * distance)
+        rms(np.array(scatter)), 0.4 * resolution, 0.09 * distance)
 
 
 def find_backlash(curves: Sequence[RampFriction], directions: np.ndarray, onward: np.ndarray,
@@ -270,13 +252,12 @@ def find_backlash(curves: Sequence[RampFriction], directions: np.ndarray, onward
                         for curve, at in zip(curves, upturns)])
     backlash = sum(_medians(crossed, onward))
     # A contact that is stiffer on one side also curves upwards, but in one direction only.
-    if len(shares) < 2 or min(shares) < _SHARE or backlash < _SEEN_COUNTS * resolution:
+    if len(shares) < 2 or min(shares) < _SHARE or backlash < 3.0 * resolution:
         return 0.0, [0] * len(curves)
     return backlash, upturns
 
 
-@dataclass
-class RampEvaluation:
+class RampEvaluation(NamedTuple):
     """Result of a drive's ramps."""
 
     breakaways: np.ndarray          # every single one, A, signed, in order of time
@@ -301,7 +282,7 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
     if backlash > 0.0:
         for own in (np.abs(held[directions == sign]) for sign in (1, -1)):
             scatter = _scatter(own) / float(np.mean(own))
-            if 2.0 * scatter > _MOST_SCATTER * math.sqrt(len(own)):
+            if 2.0 * scatter > 0.05 * math.sqrt(len(own)):
                 raise IdentificationError(
                     f'backlash of {backlash:.2g} rad: breakaway scatters by {scatter:.0%}; request '
                     'more breakaway_cycles or a less steep ramp_slope')
@@ -310,7 +291,8 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
     last = [max([ramp.held.begin, *ramp.pauses]) for ramp in ramps]
     gone = float(np.median([ramp.current(begin, begin + SHORTEST_PAUSE) / level
                             for ramp, level, begin in zip(ramps, held, last)]))
-    if gone > _CREEPS:
+    # On the note's drives, whose friction rises from standstill, it is at most 1.14.
+    if gone > 1.2:
         warnings.append(
             'the joint gives way slowly from its breakaway current on, and goes only at '
             f'{gone:.2f} times that: if it creeps, as a gear does that is shaken, breakaway may be '

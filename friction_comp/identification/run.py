@@ -45,30 +45,9 @@ from friction_comp.model.measured import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.statistics import evenly_spread, rms, smallest_step
 
-# The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
-# moved by more than so many counts. A ramp ends when it has slid this far, rad, at this speed or
-# since its last rest: a rotor that crosses backlash also slides, and is then stopped.
-_CUT_SPEED, _CUT_WINDOW, _CUT_COUNTS, _CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
-# Shares by which a cycle may miss its speed, or leave a straight line, and its current may vary;
-# share of that scatter that other gains must leave to be the better ones.
-_HELD, _CALM, _STEADIER = 0.1, 0.5, 0.7
-# Share of the ramp period at zero current after each ramp, as in Eq. 8; ramps start up to this
-# share of the motion range off its centre, to average out cogging.
-_REST_SHARE, _PLACES = 0.1, 0.015
-# Share of a push's current, read late, that surely holds; share of the ramps that may be repeated;
-# share of the drive's limit that friction and acceleration may take together.
-_PUSH_HOLDS, _MOST_LOST, _USED_CURRENT = 0.8, 0.2, 0.9
-# Shares of a trajectory's range by which the joint may leave it, be pushed first, and lag behind.
-_BEYOND, _PUSHED, _BEHIND = 0.025, 0.1, 0.1
-# Factors by which the inertia of the cycles may differ from that of a push, and from a typical one.
-_FROM_PUSH, _FROM_TYPICAL = 5.0, 50.0
-# Shares of friction above which a result is doubtful: by which the curve of Eq. 6 is off the table
-# (RMS), measured and commanded currents differ, friction or load vary over position, and one
-# direction needs more; and by which breakaway scatters, or the load changes, under a person's hand.
-_CURVE, _CURRENTS, _POSITION, _ONE_SIDED, _TOUCHED = 0.03, 0.04, 0.05, 0.12, 0.6
-# Share by which inertias at different speeds may differ, and that inertia may leave unexplained:
-# rigid joints with fine encoders stay below 0.01.
-_SWINGS = 0.05
+# Smallest share of friction that measured and commanded currents may differ by to be told, and
+# by which breakaway scatters, or the load changes, under a person's hand.
+_CURRENTS, _TOUCHED = 0.04, 0.6
 PRESLIDING_RATE = 500.0
 """Rate of joint states in Hz from which on presliding is within its stated deviation."""
 
@@ -89,9 +68,11 @@ class TrajectoryRun(SupervisedRun):
         self._speed = self._path.derivative()
 
     def _bounds(self) -> tuple[float, float]:
+        # Of the range, by how much the joint may leave it, and be pushed at the start.
         width, places = self.goal.motion_range, self.goal.positions
-        return (min(min(places) - _BEYOND * width, self.start - _PUSHED * width),
-                max(max(places) + _BEYOND * width, self.start + _PUSHED * width))
+        beyond, pushed = 0.025 * width, 0.1 * width
+        return (min(min(places) - beyond, self.start - pushed),
+                max(max(places) + beyond, self.start + pushed))
 
     def _time_left(self) -> float:
         if self._began is None:
@@ -102,7 +83,7 @@ class TrajectoryRun(SupervisedRun):
         goal = self.goal
         yield from self._travel(goal.positions[0])
         self.phase, self._began = 'trajectory', self.sample.time
-        yield from self._follow(self._reference, goal.times[-1], _BEHIND * goal.motion_range,
+        yield from self._follow(self._reference, goal.times[-1], 0.1 * goal.motion_range,
                                 goal.speeds[-1], self.gains[0])
 
     def _reference(self, time: float) -> tuple[float, float]:
@@ -167,9 +148,9 @@ class IdentificationRun(SupervisedRun):
             self.repeated += [] if again is None else [again]
 
     def _place(self, index: int) -> float:
-        """Return the start in rad of the next ramps; any number of them is evenly spread."""
+        """Return the start in rad of the next ramps: evenly spread, to average out cogging."""
         share = 2.0 * ((0.5 + evenly_spread(index)) % 1.0) - 1.0
-        return self.start + share * _PLACES * self.goal.motion_range
+        return self.start + 0.015 * share * self.goal.motion_range
 
     # Constant velocities.
 
@@ -183,10 +164,10 @@ class IdentificationRun(SupervisedRun):
             return why
         limit, say = self.drive.current_limit, self.supervision.say
         needed = self.push + self._accelerating_current(speed)
-        if needed <= _USED_CURRENT * limit:
+        if needed <= 0.9 * limit:
             return ''
         return (f'within {self.goal.motion_range:g} rad it would take about {say(needed)} to '
-                f'accelerate, more than {_USED_CURRENT:.0%} of the current limit of {say(limit)}: '
+                f'accelerate, more than 90 % of the current limit of {say(limit)}: '
                 'widen the range')
 
     def _measure_speed(self, speed: float) -> Motion:
@@ -201,7 +182,7 @@ class IdentificationRun(SupervisedRun):
                 break
             driven = yield from self._one_cycle(speed, gain)
             if best is not None and (
-                    driven is None or driven.scatter >= _STEADIER * best.scatter):
+                    driven is None or driven.scatter >= 0.7 * best.scatter):
                 # Not the controller but friction itself varies.
                 break
             best = driven
@@ -238,9 +219,9 @@ class IdentificationRun(SupervisedRun):
                                    self.supervision.acceleration, gain=gain)
         except InputError as error:
             raise IdentificationError(str(error)) from None
-        held = cycle.scatter <= _CALM and all(
-            abs(point.actual_speed / point.speed - 1.0) <= _HELD
-            and point.unsteadiness <= _HELD for point in cycle.points)
+        held = cycle.scatter <= 0.5 and all(
+            max(abs(point.actual_speed / point.speed - 1.0), point.unsteadiness) <= 0.1
+            for point in cycle.points)
         return cycle if held else None
 
     # Breakaway.
@@ -248,7 +229,8 @@ class IdentificationRun(SupervisedRun):
     def _breakaway(self, sign: int) -> Motion:
         """Find the largest current that holds, on one ramp; repeat it if no stair held."""
         held = self._held[sign]
-        first = stairs.first_stair(held or [_PUSH_HOLDS * self.known[sign][0][1]])
+        # Of a push's current, read late, this surely holds.
+        first = stairs.first_stair(held or [0.8 * self.known[sign][0][1]])
         while True:
             begin = self.sample.time
             ramp, level = yield from self._ramp(sign, first)
@@ -256,7 +238,7 @@ class IdentificationRun(SupervisedRun):
                 break
             self._lost += 1
             first = stairs.first_stair([first])
-            if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
+            if self._lost > 2 + 0.4 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.supervision.say(level)}'
                     ', although more held it before: it is pushed, or its friction varies with '
@@ -268,7 +250,7 @@ class IdentificationRun(SupervisedRun):
     def _ramp(self, sign: int, stair: float
               ) -> Generator[float, Sample, tuple[stairs.Ramp | None, float]]:
         """Raise the current, A, from `stair` until the joint slides away; return ramp and level."""
-        yield from self._standstill(max(STILL_TIME, _REST_SHARE * self.goal.ramp_period))
+        yield from self._standstill(max(STILL_TIME, 0.1 * self.goal.ramp_period))
         watch = _Slide(self.sample, sign, self._resolution, 0.2 * self.goal.motion_range)
         current, held, level = 0.0, None, stair
         pauses: list[float] = []
@@ -335,7 +317,7 @@ class IdentificationRun(SupervisedRun):
         inertia = twice.steadiest_inertia(
             [cycle.samples for cycle in twice.levelled(self.cycles, slopes)])
         # A push that moved the joint is right within tens of percent, unless a sensor is late.
-        wide = _FROM_TYPICAL if self._inertia_is_typical else _FROM_PUSH
+        wide = 50.0 if self._inertia_is_typical else 5.0
         pushed = self.supervision.acceleration
         if inertia and not 1.0 / wide < inertia.acceleration_per_current / pushed < wide:
             inertia = None
@@ -388,15 +370,18 @@ class _Slide:
         self.samples.append(sample)
         self._window.append(sample)
         moved = self.sign * (sample.position - self.home)
-        if (moved <= _CUT_COUNTS * self._resolution
-                or speed_over(self._window, self.sign, _CUT_WINDOW) <= _CUT_SPEED):
+        # It slides faster than 0.05 rad/s over 20 ms, by more than some counts.
+        counts = 8.0 * self._resolution
+        if moved <= counts or speed_over(self._window, self.sign, 0.02) <= 0.05:
             self._began = None
         elif self._began is None:
             self._began = moved
+        # At this speed, or since its last rest, it has slid 5 mrad: a rotor that crosses backlash
+        # also slides, and is then stopped.
         self.gone = (moved > self._farthest
-                     or (self._began is not None and moved > self._began + _CUT_DISTANCE)
+                     or (self._began is not None and moved > self._began + 5e-3)
                      or (self.slides and self.sign * (sample.position - self._rested)
-                         > max(_CUT_DISTANCE, _CUT_COUNTS * self._resolution)))
+                         > max(5e-3, counts)))
 
     def rest(self) -> None:
         """Take note that the joint came to rest."""
@@ -424,20 +409,13 @@ class IdentificationResult:
     # How much friction at a speed in rad/s drifted, a share of it; empty if it hardly did.
     drift: dict[float, float] = field(default_factory=dict)
 
-    @property
-    def speeds(self) -> np.ndarray:
-        """Speeds of the look-up table, rad/s, shape (N,)."""
-        return np.array([point.speed for point in self.points])
+    def _column(self, name: str) -> np.ndarray:
+        return np.array([getattr(point, name) for point in self.points])
 
-    @property
-    def currents(self) -> np.ndarray:
-        """Mean currents of the look-up table, A, shape (N,)."""
-        return np.array([point.current for point in self.points])
-
-    @property
-    def standard_deviations(self) -> np.ndarray:
-        """Standard deviations of the current, A, shape (N,)."""
-        return np.array([point.standard_deviation for point in self.points])
+    speeds = property(lambda self: self._column('speed'), doc='Of the look-up table, rad/s, (N,).')
+    currents = property(lambda self: self._column('current'), doc='Their mean currents, A, (N,).')
+    standard_deviations = property(lambda self: self._column('standard_deviation'),
+                                   doc='Of the current at each speed, A, (N,).')
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -447,10 +425,9 @@ class IdentificationResult:
     def model(self, drive: Drive, joint: str = '',
               position_limits: tuple[float, float] | None = None,
               carrying: Sequence[Effect] = (), arm: Arm | None = None) -> FrictionModel:
-        """Return the `FrictionModel` of the drive; it is not saved.
+        """Return the drive's model, with the effects whose current was `carried`, and their `arm`.
 
-        `carrying` are the effects whose current was `carried`, and `arm` what they need: they
-        remain part of the model, and breakaway is what it takes beside them, at any position.
+        Breakaway is then what it takes beside them, at any position.
         """
         breakaway = self.breakaway if not carrying else replace(
             self.breakaway, positive_position=None, negative_position=None)
@@ -513,7 +490,8 @@ def doubts_of_cycles(cycles: Sequence[Cycle], inertia: Inertia | None, drift: di
          f'at {worst.speed:.3g} rad/s, the current varies by ±{worst.scatter:.0%} of friction, '
          'with lower gains as well: friction varies there, or the joint oscillates under its '
          'velocity controller'),
-        (doubt > _SWINGS,
+        # Rigid joints with fine encoders stay below 0.01.
+        (doubt > 0.05,
          f'the acceleration per current may be off by {doubt:.0%}: the joint swings, as one with '
          'an elastic or heavy link, or its encoder is coarse. Presliding of a joint that swings '
          'may be up to 30 % short'),
@@ -535,7 +513,7 @@ def doubts_of_positions(cycles: Sequence[Cycle], slopes: Sequence[float]) -> lis
          'range, breakaway is that of its middle', 0.5 * (forward - backward)),
         ('the load rises over position, by about ±{:.0%} of friction: gravity, or a spring. Add it '
          'with refine, since compensated friction no longer holds a weight',
-         0.5 * (forward + backward))) if (share := half * abs(slope) / friction) > _POSITION]
+         0.5 * (forward + backward))) if (share := half * abs(slope) / friction) > 0.05]
 
 
 def doubts_of_ramps(breakaway: Breakaway, points: Sequence[KineticPoint], cycles: int, step: float,
@@ -559,7 +537,7 @@ def doubts_of_ramps(breakaway: Breakaway, points: Sequence[KineticPoint], cycles
             'free: somebody leant on it during part of the run')
     more = 2.0 * max(shift, sliding, key=abs)
     return [text for applies, text in (
-        (abs(more) > 2.0 * _ONE_SIDED * friction,
+        (abs(more) > 0.24 * friction,
          f'the {"positive" if more > 0.0 else "negative"} direction needs {say(abs(more))} more '
          'than the other: gravity or a spring, friction that differs, or somebody leant on the '
          'joint. If it is a weight, add it to the model with refine before people let go: '
@@ -574,7 +552,7 @@ def doubts_of_ramps(breakaway: Breakaway, points: Sequence[KineticPoint], cycles
 def doubts_of_curve(points: Sequence[KineticPoint], sigmoid: Sigmoid, misfit: float,
                     say: Callable[[float], str]) -> list[str]:
     """Return where the curve of Eq. 6 is off the look-up table; `say` returns a current as text."""
-    if misfit <= _CURVE:
+    if misfit <= 0.03:
         return []
     off, point = max(((abs(float(sigmoid(one.speed)) - one.current), one) for one in points),
                      key=lambda entry: entry[0])

@@ -51,35 +51,16 @@ PATIENCE, STILL_TIME = 10.0, 0.2
 """Longest time to come to rest, and standstill before each ramp, s."""
 GAINS = (1.0, 0.4, 0.16, 0.064)
 """Factors of the controller's bandwidth: one is dropped when the joint oscillates with it."""
-# Smallest commanded current that is compared, as a share of one that breaks the joint free; a
-# current that carries is, from this share of the drive's limit on, smoothed over s.
-_LEAST_SHARE, _HELD_SHARE, _HELD_TIME = 0.02, 0.05, 0.05
-# Standard errors by which a wrong gain is outside; largest one of a confirmed gain, a share of it;
-# gain that is no answer at all.
-_ERRORS, _CONFIRMED, _NO_ANSWER = 3.0, 0.25, 0.05
-# Samples from which the time between them is known; longest step between them that is integrated,
-# s.
-_SAMPLES, _STEP = 20, 0.02
-# A current of this multiple of breakaway must accelerate the joint visibly: when so many counts of
-# movement are expected, it must have moved this share; but not before this time in s, since delay,
-# current loop and filter take time, nor while a moving joint would hardly be slowed down.
-_SURPLUS, _EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 1.5, 30.0, 0.1, 0.01
-# A joint oscillates if such currents change their sign so often within so many s; a joint is not
-# said to be blocked while they do.
+# Smallest commanded current that is compared, as a share of one that breaks the joint free; gain
+# that is no answer at all; longest step between samples that is integrated, s.
+_LEAST_SHARE, _NO_ANSWER, _STEP = 0.02, 0.05, 0.02
+# A joint oscillates if large currents change their sign so often within so many s; it is not said
+# to be blocked while it does.
 _SWINGS, _SWING_TIME = 4, 0.5
-# A joint is at rest if it moves by at most this many counts or this angle in rad.
-_STILL_COUNTS, _STILL_ANGLE = 2.5, 1e-5
-# Speed at which the short push ends, rad/s; fewest counts from which that speed, and the inertia,
-# are computed. A joint's own breakaway torque accelerates it typically so much, rad/s².
-_PUSH_SPEED, _SPEED_COUNTS, _PUSH_COUNTS, _TYPICAL = 0.3, 4.0, 20.0, 10.0
-# Without a slope, the first current grows by a factor of e in so many s, from this share of the
-# drive's limit; ramps reach what broke the joint free within so many s, and at most so many times
-# that. Beyond the last share of the limit it grows only if the encoder has counted: a joint winds
-# up before it breaks free, a dead encoder never counts.
-_GROWTH, _FIRST_SHARE, _RISE_TIME, _BEYOND, _BLIND_SHARE = 0.7, 1.0 / 300.0, 1.2, 2.0, 0.1
-# s that the current controller takes after a step of current; rad/s of reference velocity over
-# which the controller's push fades in.
-_TRANSIENT, _BLEND_VELOCITY = 2.5e-3, 0.002
+# Speed at which the short push ends, rad/s. Beyond this share of the drive's limit, a current grows
+# only if the encoder has counted: a joint winds up before it breaks free, a dead encoder never
+# counts. Share of the expected motion that a joint must have made.
+_PUSH_SPEED, _BLIND_SHARE, _ANSWERED = 0.3, 0.1, 0.1
 
 
 class Sample(NamedTuple):
@@ -142,7 +123,7 @@ class Supervision:
             return False
         self._last = time, position
         self._count += 1
-        if self._count > _SAMPLES:
+        if self._count > 20:
             self.step = (time - self._first) / self._count
         command, current = (one - carried for one in currents)
         if math.isfinite(current):
@@ -187,11 +168,13 @@ class Supervision:
 
     def _compare_carried(self, step: float, measured: float, carried: float) -> None:
         """Raise if the current that holds the joint at rest is measured otherwise."""
-        share = low_pass_weight(step, _HELD_TIME)
+        share = low_pass_weight(step, 0.05)
         self._held += share * (np.array([measured, carried]) - self._held)
         given, wanted = self._held.tolist()
         moves = abs(self._currents.commanded) > 0.1 * abs(wanted)
-        if self._confirmed or moves or abs(wanted) < _HELD_SHARE * self._drive.current_limit:
+        # Smaller ones are lost in noise.
+        least = 0.05 * self._drive.current_limit
+        if self._confirmed or moves or abs(wanted) < least:
             return
         if not _follows(given / wanted):
             raise IdentificationError(
@@ -201,7 +184,7 @@ class Supervision:
     def is_current_confirmed(self) -> bool:
         """Return whether the measured current is confirmed to be the commanded one."""
         answer = self._currents.answer()
-        self._confirmed = _follows(answer.gain) and answer.error <= _CONFIRMED * answer.gain
+        self._confirmed = _follows(answer.gain) and answer.error <= 0.25 * answer.gain
         return self._confirmed
 
     def require_confirmed_current(self) -> None:
@@ -217,7 +200,7 @@ class Supervision:
 
     def _refuse_gain(self, answer: Answer) -> None:
         """Raise IdentificationError if the measured current is not the commanded one."""
-        gain, error = answer.gain, _ERRORS * answer.error
+        gain, error = answer.gain, 3.0 * answer.error
         if 1.0 / FOLLOWS - error <= gain <= FOLLOWS + error:
             return
         commanded = self.say(self._currents.commanded)
@@ -301,7 +284,7 @@ class Supervision:
         assert self.friction is not None
         self._window.append((time, position))
         sign = math.copysign(1.0, command)
-        enough = _SURPLUS * abs(self.friction[0] if sign > 0.0 else self.friction[1])
+        enough = 1.5 * abs(self.friction[0] if sign > 0.0 else self.friction[1])
         surplus = sign * command - enough
         if surplus > 0.0 and sign != self._pushed:
             self._swings.append(time)
@@ -314,8 +297,9 @@ class Supervision:
         self._speed += max(given, 0.0) * self.acceleration * step
         self._expected += self._speed * step
         duration = time - self._since
-        least = max(_EXPECTED_COUNTS * self._resolution, _ANSWERED * abs(self._drift) * duration)
-        if self._expected < least or duration < _ANSWER_TIME + self.delay:
+        # Delay, current loop and filter take time, and a moving joint is hardly slowed down.
+        least = max(30.0 * self._resolution, _ANSWERED * abs(self._drift) * duration)
+        if self._expected < least or duration < 0.01 + self.delay:
             return
         # Accept a joint that keeps moving, and one whose motion changes, for instance brakes.
         moved = position - self._from
@@ -361,7 +345,8 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
     estimated.
     """
     time, position, _ = np.array(pushed).T
-    chosen = time >= time[0] + _TRANSIENT
+    # The current controller takes a moment.
+    chosen = time >= time[0] + 2.5e-3
     if np.sum(chosen) < 5:
         chosen[:] = True
     if time.size < 3:
@@ -405,7 +390,7 @@ def controller_step(parameters: Controller, state: np.ndarray, reference_positio
     state[1] += share * ((position - state[0]) / time_step - state[1])
     acceleration = (reference_velocity - state[3]) / time_step
     state[0], state[3] = position, reference_velocity
-    blend = min(1.0, abs(reference_velocity) / _BLEND_VELOCITY)
+    blend = min(1.0, abs(reference_velocity) / 0.002)
     push = parameters.push_positive if reference_velocity > 0.0 else parameters.push_negative
     error = ((reference_velocity - state[1])
              + bandwidth / 6.0 * (reference_position - position))
@@ -534,8 +519,7 @@ class SupervisedRun(ABC):
                 raise IdentificationError('the joint does not come to rest at zero current: it is '
                                           'driven by gravity, pushed, or oscillates')
             sample = yield from self._step(0.0)
-            if abs(sample.position - stood_at) > max(
-                    _STILL_COUNTS * self._resolution, _STILL_ANGLE):
+            if abs(sample.position - stood_at) > max(2.5 * self._resolution, 1e-5):
                 still_since, stood_at = sample.time, sample.position
 
     # The first motion.
@@ -545,10 +529,12 @@ class SupervisedRun(ABC):
         rates = [(yield from self._short_push(1)), (yield from self._short_push(-1))]
         push = self.push
         if self.goal.ramp_slope is None:
-            self.ramp_slope = push / _RISE_TIME
-            self.ramp_peak = min(_BEYOND * push, self.drive.current_limit)
+            # Ramps reach what broke the joint free within so many s, and at most twice that.
+            self.ramp_slope = push / 1.2
+            self.ramp_peak = min(2.0 * push, self.drive.current_limit)
         self.supervision.require_controllable()
-        typical = _TYPICAL / push
+        # A joint's own breakaway torque accelerates it typically by 10 rad/s².
+        typical = 10.0 / push
         rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
         self._inertia_is_typical = not rates
         self.supervision.acceleration = max(rates, default=typical)
@@ -579,7 +565,7 @@ class SupervisedRun(ABC):
         room = sample.position + sign * 0.04 * self.goal.motion_range
         pushed, begin = [sample], sample.time
         # A single count is no speed.
-        window = max(0.004, _SPEED_COUNTS * self._resolution / _PUSH_SPEED)
+        window = max(0.004, 4.0 * self._resolution / _PUSH_SPEED)
         while (sign * (sample.position - room) < 0.0 and sample.time - begin < 1.0
                and speed_over(pushed, sign, window) < _PUSH_SPEED):
             sample = yield from self._step(sign * strong)
@@ -593,14 +579,15 @@ class SupervisedRun(ABC):
         self.supervision.measure_delay()
         way = sign * (sample.position - pushed[0].position)
         return (acceleration_of_push(pushed, coasted, strong, sign)
-                if way >= _PUSH_COUNTS * self._resolution else math.nan)
+                if way >= 20.0 * self._resolution else math.nan)
 
     def _first_current(self, elapsed: float) -> float:
         """Return the current in A that breaks the joint free, a time in s after its beginning."""
         if self.goal.ramp_slope is not None:
             return self.ramp_peak * elapsed / 3.0
         limit = self.drive.current_limit
-        current = _FIRST_SHARE * limit * math.expm1(elapsed / _GROWTH)
+        # By a factor of e in 0.7 s.
+        current = limit / 300.0 * math.expm1(elapsed / 0.7)
         if current > _BLIND_SHARE * limit and not self._counted:
             raise IdentificationError(
                 f'the encoder has not counted once up to {self.supervision.say(current)}: it is '

@@ -26,23 +26,16 @@ from friction_comp.stamps import NANO
 from friction_comp.topics import TOPICS
 
 STATES = 'joint_states'
-# Topic, message class, and whether its stamp is used. Subscriptions are discovered in the order of
-# their creation: a plant that waits for a subscription to joint_states, the last, has found all.
-_SUBSCRIBED = (
-    ('current_command', Float64MultiArray, False),
-    ('direction', Int8MultiArray, False),
-    ('direction_stamped', JointState, True),
-    ('reference', JointState, True),
-    ('interaction_wrench', WrenchStamped, True),
-    ('motor_temperature', Temperature, True),
-    # Stamped by the clock of its node, which may differ from that of the joint states.
-    ('/diagnostics', DiagnosticArray, False),
-    (STATES, JointState, True),
-)
+# Subscriptions are discovered in the order of their creation: a plant that waits for a subscription
+# to joint_states, the last, has found all.
+_SUBSCRIBED = {
+    'current_command': Float64MultiArray, 'direction': Int8MultiArray,
+    'direction_stamped': JointState, 'reference': JointState, 'interaction_wrench': WrenchStamped,
+    'motor_temperature': Temperature, '/diagnostics': DiagnosticArray, STATES: JointState}
+# Those without a stamp, or with one of a clock that may differ from that of the joint states.
+_UNSTAMPED = ('current_command', 'direction', '/diagnostics')
 RECORDED = {**TOPICS, '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
 """Topic to message type of all that is recorded."""
-# Joint states that are kept to date messages without a stamp.
-_MEMORY = 20_000
 # Real s between checks of the publishers.
 _CHECK_PERIOD = 0.1
 # Age in ns of a message without a stamp after which no joint states of its time are awaited.
@@ -98,22 +91,20 @@ class RecordedTopic:
 
     def check_publishers(self) -> None:
         """Subscribe with best effort if a publisher offers no more."""
-        if self._reliability == ReliabilityPolicy.RELIABLE and any(
-                info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-                for info in self._publishers()):
+        best_effort = ReliabilityPolicy.BEST_EFFORT
+        if self._reliability != best_effort and best_effort in {own for own, _ in self._offered()}:
             self.drain()
             self._node.destroy_subscription(self._subscription)
-            self._subscribe(ReliabilityPolicy.BEST_EFFORT)
+            self._subscribe(best_effort)
 
-    def _publishers(self) -> Any:
-        return self._node.get_publishers_info_by_topic(self.name)
+    def _offered(self) -> set[tuple[ReliabilityPolicy, Any]]:
+        return {(info.qos_profile.reliability, info.qos_profile.durability)
+                for info in self._node.get_publishers_info_by_topic(self.name)}
 
     def offered(self) -> list[dict[str, Any]]:
         """Return the publishers' QoS for a recording; empty if unknown."""
         return [qos_profile(reliability.name.lower(), durability.name.lower())
-                for reliability, durability in sorted({
-                    (info.qos_profile.reliability, info.qos_profile.durability)
-                    for info in self._publishers()})]
+                for reliability, durability in sorted(self._offered())]
 
     def drain(self) -> None:
         """Process all messages that have arrived."""
@@ -129,26 +120,23 @@ class RecordedTopic:
 class DatedTopics:
     """Subscribes to the package's topics and gives each message a time.
 
-    Messages with a stamp keep it. A message without one gets that of the last joint state sent
-    before it, by the system time of publication, which all publishers on a machine share. A command
-    thus gets the time of the state that it answers, even if one of them arrives late.
-
-    `take` is called with topic, time in ns and the serialised message. `waiting` are the messages
-    whose joint states have not arrived: system time of publication in ns, topic and content.
+    A message without a stamp gets that of the last joint state sent before it, by the system time
+    of publication, which all publishers on a machine share: a command thus gets the time of the
+    state that it answers. `take` is called with topic, time in ns and the serialised message.
+    `waiting` are the messages whose joint states have not arrived: system time of publication in
+    ns, topic and content.
     """
 
     def __init__(self, node: Node, take: Callable[[str, int, bytes], None],
                  left_out: Collection[str] = ()) -> None:
-        self._take = take
-        self._stamped = False
+        self._take, self._stamped = take, False
         # System times of publication and stamps of the joint states.
-        self._sent: deque[int] = deque(maxlen=_MEMORY)
-        self._stamps: deque[int] = deque(maxlen=_MEMORY)
-        self.waiting: deque[tuple[int, str, bytes]] = deque()
+        self._sent, self._stamps = (deque[int](maxlen=20_000) for _ in range(2))
+        self.waiting = deque[tuple[int, str, bytes]]()
         self.topics: dict[str, RecordedTopic] = {}
-        for topic, kind, stamped in _SUBSCRIBED:
+        for topic, kind in _SUBSCRIBED.items():
             if topic not in left_out:
-                receive = self._on_stamped if stamped else self._on_unstamped
+                receive = self._on_unstamped if topic in _UNSTAMPED else self._on_stamped
                 self.topics[topic] = RecordedTopic(node, kind, topic, partial(receive, topic))
         steady_timer(node, _CHECK_PERIOD, self._check)
 

@@ -74,17 +74,15 @@ def competing_publishers(node: Any, *topics: str) -> list[str]:
 
 
 class CommandPort:
-    """Publishes `current_command`, one message for each joint state.
+    """Publishes `current_command`, one message for each joint state; it is a `Port`.
 
-    It is a `Port`. Float64MultiArray has no stamp, and a plant in lockstep repeats a state that was
-    not answered, which must be answered again only if the answer was lost. In simulated time, the
-    label of an answer is therefore the stamp of its state, and the plant ignores other answers.
+    A plant in lockstep repeats a state that was not answered, which must be answered again only if
+    the answer was lost. In simulated time, the label of an answer is therefore the stamp of its
+    state, and the plant ignores other answers. The publisher exists only while the port is open:
+    every node with a publisher may command the motor, and the others can see it.
 
-    The publisher exists only while the port is open: every node with a publisher may command the
-    motor, and the others can see it.
-
-    `limits` are the largest currents of the joints in A, `torques` the torques at the joints in N·m
-    per A: k_t·n.
+    `limits` are the largest currents of the joints in A, `torques` those at the joints, k_t·n in
+    N·m per A.
     """
 
     def __init__(self, node: Any, limits: Sequence[float], torques: Sequence[float],
@@ -124,7 +122,11 @@ class CommandPort:
         """
         if self._publisher is None:
             return
-        if not self._acknowledged():
+        end, ok = time.monotonic() + _ACKNOWLEDGEMENT_TIME, self._node.context.ok
+        while ok() and not (acknowledged := self._publisher.wait_for_all_acked(Duration())) and (
+                time.monotonic() < end):
+            time.sleep(_LOOK)
+        if not ok() or not acknowledged:
             self._node.get_logger().error(
                 'the last command, zero, was not acknowledged within '
                 f'{_ACKNOWLEDGEMENT_TIME:g} s: make sure that the motor has no current')
@@ -198,25 +200,13 @@ class CommandPort:
 
     def others(self) -> list[str]:
         """Return the names of other nodes that publish the same topic."""
-        own = 0 if self._publisher is None else 1
+        own = self._publisher is not None
         if self._node.count_publishers(self._topic) <= own:
             return []
         names = publisher_names(self._node, self._topic)
-        own_name = self._node.get_fully_qualified_name()
-        if own and own_name in names:
-            names.remove(own_name)
+        if own and (name := self._node.get_fully_qualified_name()) in names:
+            names.remove(name)
         return names
-
-    def _acknowledged(self) -> bool:
-        """Wait until all readers have what was published, or a timeout; return whether."""
-        end = time.monotonic() + _ACKNOWLEDGEMENT_TIME
-        while self._node.context.ok():
-            if self._publisher.wait_for_all_acked(Duration()):
-                return True
-            if time.monotonic() > end:
-                return False
-            time.sleep(_LOOK)
-        return False
 
     @property
     def listeners(self) -> int:
