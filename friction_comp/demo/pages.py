@@ -41,12 +41,8 @@ from friction_comp.statistics import rms
 # Of the trials of the main scene, and of the hand's ways, in their order.
 _TRIAL_COLOURS = ('no help', 'unknown', 'known', 'refined')
 _HAND_COLOURS = ('no help', 'other', 'unknown', 'known')
-_BAND = 20.0  # Hz: of the hand's torque that is compared; steps of the reference are above
-# Lengths of upper arm and forearm in the drawing, m; number of poses drawn.
+# Lengths of upper arm and forearm in the drawing, m.
 _LENGTHS = np.array([0.28, 0.25])
-_POSES = 5
-# Diameter of the disc of a torque of 1 N·m, points.
-_POINTS_PER_TORQUE = 8.0
 
 
 # The main scene.
@@ -190,7 +186,8 @@ class HandTrial:
         velocity = np.nan_to_num(np.asarray(samples.reference_velocity, dtype=float))
         rate = 1.0 / float(np.median(np.diff(self.time)))
         torque = np.nan_to_num(np.asarray(samples.load, dtype=float))
-        self.torque = sosfiltfilt(butter(2, _BAND, fs=rate, output='sos'), torque)
+        # Steps of the reference are above 20 Hz.
+        self.torque = sosfiltfilt(butter(2, 20.0, fs=rate, output='sos'), torque)
         way = np.sign(velocity)
         starts = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0))
         self._reference = self.time, velocity
@@ -358,8 +355,8 @@ def _pose_figure(alone: Mapping[str, Samples], helped: Mapping[str, Samples]) ->
     for axis, recorded, colour in zip(axes, (alone, helped), ('no help', 'known')):
         joints: list[Any] = [recorded['lift'], recorded['bend']]
         count = len(joints[0])
-        # The poses are from the first repetition.
-        for k, sample in enumerate(np.linspace(count // 40, count // 2, _POSES).astype(int)):
+        # Five poses, of the first repetition.
+        for k, sample in enumerate(np.linspace(count // 40, count // 2, 5).astype(int)):
             _draw_pose(axis, 0.55 * k, [joint.position[sample] for joint in joints],
                        [joint.load[sample] for joint in joints], COLOURS[colour])
         axis.set_aspect('equal')
@@ -378,7 +375,7 @@ def _draw_pose(axes: Axes, left: float, angles: list[float], torques: list[float
     axes.plot(x, y, color=COLOURS['faint'], linewidth=5.0, solid_capstyle='round')
     for k, torque in enumerate(torques):
         axes.plot(x[k], y[k], 'o', color=colour, alpha=0.75,
-                  markersize=max(1.0, _POINTS_PER_TORQUE * abs(torque)))
+                  markersize=max(1.0, 8.0 * abs(torque)))
 
 
 @styled

@@ -27,8 +27,6 @@ IN_LOCKSTEP: dict[str, Any] = {
     'joint_state_timeout': 10.0}
 """Parameters of nodes that move a simulated joint."""
 
-# s within which a node must end.
-_PATIENCE = 10.0
 
 
 def plant_parameters(joints: Sequence[str], models: Sequence[Path], undeclared: Path | None,
@@ -118,7 +116,7 @@ class Nodes:
         for process in processes:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
-        end = time.monotonic() + _PATIENCE
+        end = time.monotonic() + 10.0
         for process in processes:
             try:
                 process.wait(max(0.0, end - time.monotonic()))

@@ -15,8 +15,8 @@ from friction_comp.errors import InputError
 
 # Domain IDs that ROS 2 calls safe on all systems: their ports are below the ephemeral ports.
 _DOMAINS = range(1, 102)
-# DDSI-RTPS 2.2, section 9.6.1.1: port base and domain gain; and the offset of an unused port.
-_PORT_BASE, _PORT_GAIN, _UNUSED_PORT = 7400, 250, 5
+# DDSI-RTPS 2.2, section 9.6.1.1: port base and domain gain.
+_PORT_BASE, _PORT_GAIN = 7400, 250
 # What tools set for as long as they have a domain of their own.
 _OF_DOMAIN = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'FASTRTPS_DEFAULT_PROFILES_FILE',
               'ROS_LOG_DIR')
@@ -40,7 +40,8 @@ def leased_domain() -> Iterator[int]:
 def _reserve(domain: int) -> socket.socket | None:
     holder = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        holder.bind(('127.0.0.1', _PORT_BASE + _PORT_GAIN * domain + _UNUSED_PORT))
+        # The fifth port of a domain has no use.
+        holder.bind(('127.0.0.1', _PORT_BASE + _PORT_GAIN * domain + 5))
     except OSError:
         holder.close()
         return None

@@ -20,10 +20,6 @@ WAYS = (('none', 'no help', 'none', False),
         ('tanh', '0.9 · Coulomb · tanh', 'kinetic', False),
         ('unknown', 'continuous, d = 0', 'continuous', False),
         ('announced', 'continuous, announced', 'continuous', True))
-BEND = 0.03
-"""rad/s at which the hyperbolic tangent bends."""
-TICK = 2.0 * SAMPLE_TIME
-"""s between ticks of /clock, references and announcements."""
 
 
 def play_to_and_fro(system: DemoSystem) -> None:
@@ -34,9 +30,9 @@ def play_to_and_fro(system: DemoSystem) -> None:
     own = replace(own, simulation={**own.simulation, 'human': PERSON})
     own.save(model)
     level = 0.45 * (own.sigmoid.upper - own.sigmoid.lower)
-    # Eq. 6 is a hyperbolic tangent; the printed law adds nothing to it.
-    replace(own, sigmoid=Sigmoid(level, -level, 2.0 / BEND)).save(tanh)
-    system.start_plant([JOINT], [model], wrench_period=SAMPLE_TIME, clock_period=TICK)
+    # Eq. 6 is a hyperbolic tangent, which bends at 0.03 rad/s; the printed law adds nothing to it.
+    replace(own, sigmoid=Sigmoid(level, -level, 2.0 / 0.03)).save(tanh)
+    system.start_plant([JOINT], [model], wrench_period=SAMPLE_TIME, clock_period=2.0 * SAMPLE_TIME)
     system.start('compensator', model, law='continuous')
     for name, title, law, announced in WAYS:
         system.ros.set_parameter('compensator', 'model_files', [

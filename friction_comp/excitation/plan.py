@@ -38,12 +38,6 @@ Pair = tuple[str, str]
 DEFAULT = ('gravity', 'spring', 'stribeck', 'viscous_shape', 'inner_load_friction')
 # Signals that a joint's own motion cannot vary, or that are unknown in a plan.
 _NOT_MOVED = {'load', 'temperature', 'rigid_body', 'coupling'}
-# Constants of an effect that are compared, spread over its grid.
-_CONSTANTS = 3
-# Share of the top speed at which friction changes its sign, and below which the joint is at rest.
-_TRANSITION, _SLOWEST = 0.02, 0.01
-# An effect chosen by a smaller share of the repeated searches is uncertain.
-_SURE = 0.9
 # Range of each parameter of a shape: slowest speed as a share of the fastest; exponent of the
 # speeds, above 1 for more fast moves; longest move, s; longest rest, s; exponent of the positions,
 # below 1 for more targets near the ends of the range.
@@ -96,7 +90,7 @@ def pairs_in(report: Any, source: str) -> list[Pair]:
     """
     try:
         ambiguous = [sorted(map(str, entry['between'])) for entry in report['ambiguous']]
-        uncertain = [one['name'] for one in report.get('effects', ()) if one['chosen'] < _SURE]
+        uncertain = [one['name'] for one in report.get('effects', ()) if one['chosen'] < 0.9]
         unexplained = {one['variable'] for one in report.get('unexplained', ())}
     except (AttributeError, KeyError, TypeError) as error:
         raise InputError(f'{source}: is no report of refine: {error!r}') from None
@@ -116,13 +110,12 @@ def pairs_in(report: Any, source: str) -> list[Pair]:
 def coverage_within(limits: JointLimits, seconds: float) -> Coverage:
     """Return the coverage of motion that reaches all limits, for all plans within them."""
     return Coverage(
-        transition=_TRANSITION * limits.velocity, speed=limits.velocity,
-        slowest=_SLOWEST * limits.velocity, lowest=limits.lowest, highest=limits.highest,
-        duration=seconds)
+        transition=0.02 * limits.velocity, speed=limits.velocity, slowest=0.01 * limits.velocity,
+        lowest=limits.lowest, highest=limits.highest, duration=seconds)
 
 
 def terms_of(name: str, coverage: Coverage) -> list[Term]:
-    """Return an effect with a few sets of constants, spread over its grid."""
+    """Return an effect with three sets of constants, spread over its grid."""
     kind: type[Effect] = EFFECTS[name]
     grid = kind.points(coverage)
     if not grid:
@@ -130,7 +123,7 @@ def terms_of(name: str, coverage: Coverage) -> list[Term]:
                          'limits')
     # Assume a mass whose load on the teeth is largest where the limb is level.
     shares = [{'cosine': 1.0}] if kind.uses_inner_load else []
-    chosen = dict.fromkeys(np.linspace(0, len(grid) - 1, _CONSTANTS).astype(int).tolist())
+    chosen = dict.fromkeys(np.linspace(0, len(grid) - 1, 3).astype(int).tolist())
     return [Term(kind, kind.with_loads(grid[row], shares)) for row in chosen]
 
 

@@ -21,8 +21,6 @@ _LEVELS = {1: WARNING, 2: PROBLEM, 3: PROBLEM}    # of diagnostics
 # Joint state rate below which friction cannot be fed forward well, Hz; and age in s of a state that
 # shows that clocks differ, also the default of joint_state_timeout.
 _SLOW, _OLD = 200.0, 0.05
-# Commands below this share of the drive's limit, RMS, are smaller than the measurement noise.
-_SMALL = 0.01
 
 
 class Finding(NamedTuple):
@@ -175,7 +173,8 @@ def _currents(seen: Observation) -> Iterator[Finding]:
                 torque if seen.in_torque else 1.0)
             measured = rows[:, 4] / (1.0 if in_ampere else torque)
             known = np.isfinite(measured)
-            if np.mean(command ** 2) > (_SMALL * drive.current_limit) ** 2 and known.any():
+            # Smaller commands are below the measurement noise.
+            if np.mean(command ** 2) > (0.01 * drive.current_limit) ** 2 and known.any():
                 gain, _ = current.current_answer(command[known], measured[known])
                 fault = current.gain_fault(gain, drive)
                 yield Finding(PROBLEM, joint, f'the measured current is {gain:.3g} times the '

@@ -33,23 +33,10 @@ from friction_comp.statistics import rms
 _SETTLING, _LOOKAHEAD = 3.0, 0.3
 # Columns of a row: time, position, velocity, current, load, temperature.
 _WIDTH = 6
-# Length of a block and of the shortest one that is used, s.
-_BLOCK, _SHORTEST = 0.4, 0.1
 # Blocks used for the error.
 _RECENT = 60
-# A joint stands still, too, below this share of its usual speed.
-_SLOW_SHARE = 0.1
-# A warning ends at this share of the error that starts it.
-_HYSTERESIS = 0.8
 # Columns of the table of blocks.
 _TIME, _POSITION, _VELOCITY, _ACCELERATION, _RESIDUAL, _FRICTION = range(6)
-# Least share of either direction: of fewer, an offset cannot be told from friction.
-_EITHER = 0.1
-# Directions of columns that vary less than this share of the largest are not told.
-_SINGULAR = 1e-4
-# Of the squared error, what a cause must explain to be named, and all of them leave at most; of a
-# squared load, what must vary for it to depend on position.
-_CAUSE, _REST, _VARIES = 0.3, 0.5, 0.05
 
 
 @dataclass(frozen=True)
@@ -69,9 +56,10 @@ class FrictionChange:
         return self.factor * self._explains(self.friction)
 
     def _explains(self, part: np.ndarray) -> bool:
+        # 30 % of the squared error, where all causes together explain half.
         error = self.residual - self.inertia
-        return (rms(part) ** 2 > _CAUSE * rms(error) ** 2
-                and rms(error - self.friction - self.load) ** 2 < _REST * rms(error) ** 2)
+        return (rms(part) ** 2 > 0.3 * rms(error) ** 2
+                and rms(error - self.friction - self.load) ** 2 < 0.5 * rms(error) ** 2)
 
     def causes(self, unit: str) -> list[str]:
         """Return what explains much of the residual, in words."""
@@ -81,7 +69,7 @@ class FrictionChange:
                          f'{100 * abs(self.level):.0f} % {"higher" if self.level > 0 else "lower"}')
         if self._explains(self.load):
             size = rms(self.load)
-            varies = float(np.var(self.load)) > _VARIES * size ** 2
+            varies = float(np.var(self.load)) > 0.05 * size ** 2
             found.append(f'a load of {quantity(size, unit)} is not in the model, ' + (
                 'which varies with position: a weight or a spring' if varies else
                 'the same everywhere: an offset of the sensor or a weight'))
@@ -96,11 +84,13 @@ def friction_change(residual: np.ndarray, friction: np.ndarray, samples: Samples
     """
     side, position = np.sign(np.asarray(samples.velocity)), samples.position
     load = np.column_stack((np.ones(len(side)), np.cos(position), np.sin(position)))
-    one_way = bool(min(np.mean(side > 0.0), np.mean(side < 0.0)) < _EITHER)
+    # With less of either direction, an offset cannot be told from friction.
+    one_way = bool(min(np.mean(side > 0.0), np.mean(side < 0.0)) < 0.1)
     columns = np.column_stack(
         (friction, np.asarray(samples.acceleration), load * (not one_way)))
     scale = np.maximum(np.sqrt(np.mean(columns ** 2, axis=0)), 1e-12)
-    fit = np.linalg.pinv(columns / scale, rcond=_SINGULAR) @ residual / scale
+    # Directions of columns that hardly vary are not told.
+    fit = np.linalg.pinv(columns / scale, rcond=1e-4) @ residual / scale
     parts = columns * fit
     return FrictionChange(float(fit[0]), parts[:, 0], parts[:, 2:].sum(axis=1), parts[:, 1],
                           residual, one_way)
@@ -158,7 +148,8 @@ class ResidualMonitor:
         speed = np.abs(samples.velocity)
         fast = float(np.percentile(speed, 90))
         self._speed = max(fast, 0.99 * self._speed)
-        moving = speed > max(STANDSTILL, _SLOW_SHARE * self._speed)
+        # Below a tenth of its usual speed, a joint stands still, too.
+        moving = speed > max(STANDSTILL, 0.1 * self._speed)
         moving &= np.isfinite(residual)
         table = np.column_stack([samples.time, samples.position, samples.velocity,
                                  samples.acceleration, residual, friction])
@@ -179,7 +170,8 @@ class ResidualMonitor:
         error = rms(blocks[:, _RESIDUAL] - change.inertia)
         friction = max(rms(blocks[:, _FRICTION]), 1e-12)
         limit = max(self.tolerance * friction, LARGER * expected)
-        self._warned = error > limit * (_HYSTERESIS if self._warned else 1.0)
+        # With hysteresis.
+        self._warned = error > limit * (0.8 if self._warned else 1.0)
         fit = ModelFit(True, not self._warned, error / friction, error, unit=self._unit,
                        as_expected=error > self.tolerance * friction)
         return fit if fit.fits else replace(
@@ -187,11 +179,11 @@ class ResidualMonitor:
 
 
 def _block_slices(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
-    """Yield the slices of samples that form blocks."""
+    """Yield the slices of samples that form blocks of 0.1 to 0.4 s."""
     step, velocity = samples.sample_time, samples.velocity
     if step <= 0.0 or velocity is None:
         return
-    shortest, length = max(2, round(_SHORTEST / step)), max(2, round(_BLOCK / step))
+    shortest, length = max(2, round(0.1 / step)), max(2, round(0.4 / step))
     side = np.where(moving, np.sign(velocity), 0.0)
     for part in samples.segments():
         turns = np.nonzero(np.diff(side[part]))[0] + 1 + part.start

@@ -15,9 +15,6 @@ import numpy as np
 
 FAULTS = ('flat', 'saturated', 'silent', 'unplugged', 'hum')
 COUNTS = 1024
-# Amplitude of hum, counts, and its frequency, Hz.
-_HUM, _MAINS = 60.0, 50.0
-_DRIFT_TIME = 600.0
 _STEP = 1e-3
 
 
@@ -66,7 +63,7 @@ class CheapForce:
         # Friction in the sensor: a part of the force lags behind by a share of its excursion.
         width = self._hysteresis * np.maximum(np.abs(self._force), 1.0)
         self._play = np.clip(self._play, self._force - width, self._force + width)
-        share = np.exp(-1.0 / (self.rate * _DRIFT_TIME))
+        share = np.exp(-1.0 / (self.rate * 600.0))
         self._drift = share * self._drift + self._drift_size * np.sqrt(
             1.0 - share**2) * self._random.normal(size=len(self._gain))
         exact = (self._zero + self._drift + 0.5 * (self._force + self._play)
@@ -78,6 +75,6 @@ class CheapForce:
         return np.asarray(values)
 
     def _faulty(self, fault: str, time: float, exact: float, joint: int) -> float:
-        mains = np.sin(2.0 * np.pi * _MAINS * 1.013 * time)
+        mains = np.sin(2.0 * np.pi * 50.0 * 1.013 * time)
         return float({'flat': self._last[joint], 'saturated': COUNTS, 'silent': np.nan,
-                      'unplugged': 0.0, 'hum': exact + _HUM * mains}[fault])
+                      'unplugged': 0.0, 'hum': exact + 60.0 * mains}[fault])

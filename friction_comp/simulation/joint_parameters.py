@@ -86,23 +86,10 @@ SIMULATION_ENTRIES = {
     'torque_noise', 'delay_samples', 'human', 'movement', 'sources'} | GEAR_ENTRIES
 HUMAN_ENTRIES = {'stiffness', 'damping', 'response_time', 'integral_time'}
 
-# Defaults by which the breakaway torque accelerates at 10 rad/s² and deflects by 0.5 mrad.
-DEFAULT_ACCELERATION = 10.0
+# Of the breakaway torque, rad.
 DEFAULT_PRESLIDING = 5e-4
 DEFAULT_DAMPING_RATIO = 0.5
 DEFAULT_STRIBECK_VELOCITY = math.radians(3.0)
-DEFAULT_CURRENT_NOISE = 2e-3
-# Lag, rad, at which the person pushes with the breakaway torque.
-DEFAULT_HUMAN_LAG = 0.1
-DEFAULT_HUMAN_RESPONSE = 0.04
-# A joint that stops short of its target is pushed twice as hard after this time, s. The note's
-# peaks hardly depend on it (a quarter of it: 1.5 %), but with half of it, a joint with compensated
-# sliding friction overshoots the target.
-DEFAULT_HUMAN_INTEGRAL_TIME = 0.5
-# Most of the inertia at the output is the rotor's; rotor and link resonate at about 40 Hz.
-DEFAULT_ROTOR_SHARE = 0.8
-DEFAULT_RESONANCE = 40.0
-DEFAULT_GEAR_DAMPING = 0.05
 
 
 def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None) -> np.void:
@@ -119,15 +106,15 @@ def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None)
     p['torque_per_current'] = scale * undeclared.torque_constant_factor
     p['resolution'] = model.drive.position_resolution or 0.0
     p['limit'] = model.drive.current_limit
-    p['current_noise'] = _entry(section, 'current_noise', DEFAULT_CURRENT_NOISE, least=0.0)
+    p['current_noise'] = _entry(section, 'current_noise', 2e-3, least=0.0)
     p['torque_noise'] = _entry(section, 'torque_noise', 0.0, least=0.0)
     p['delay'] = check_whole_number(
         section.get('delay_samples', 0), 'simulation.delay_samples', least=0, most=DELAYS - 1)
     p['actuation_lag'] = undeclared.actuation_lag
     p['thermal'] = undeclared.thermal
     typical = _set_friction(p, model)
-    inertia = undeclared.inertia + _entry(
-        section, 'inertia', typical / DEFAULT_ACCELERATION, least=1e-9)
+    # By default, the breakaway torque accelerates the joint at 10 rad/s².
+    inertia = undeclared.inertia + _entry(section, 'inertia', typical / 10.0, least=1e-9)
     p['kind'], p['motor_inertia'] = RIGID, inertia
     stiffness = p['bristle_stiffness'] = _entry(
         section, 'presliding_stiffness', typical / DEFAULT_PRESLIDING, least=1e-9)
@@ -168,10 +155,14 @@ def _set_human(p: np.void, section: dict[str, Any], typical: float, inertia: flo
 
     def entry(name: str, default: float) -> float:
         return _entry(human, name, default, 'simulation.human', least=0.0)
-    p['human_stiffness'] = entry('stiffness', typical / DEFAULT_HUMAN_LAG)
+    # At a lag of 0.1 rad the person pushes with the breakaway torque.
+    p['human_stiffness'] = entry('stiffness', typical / 0.1)
     p['human_damping'] = entry('damping', 2.0 * math.sqrt(p['human_stiffness'] * inertia))
-    p['human_response'] = entry('response_time', DEFAULT_HUMAN_RESPONSE)
-    p['human_integral_time'] = entry('integral_time', DEFAULT_HUMAN_INTEGRAL_TIME)
+    p['human_response'] = entry('response_time', 0.04)
+    # A joint that stops short of its target is pushed twice as hard after this time, s. The note's
+    # peaks hardly depend on it (a quarter of it: 1.5 %), but with half of it, a joint with
+    # compensated sliding friction overshoots the target.
+    p['human_integral_time'] = entry('integral_time', 0.5)
 
 
 def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
@@ -181,9 +172,10 @@ def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
         raise InputError(
             f'simulation.gear must be one of {", ".join(GEARS)}, not {section["gear"]!r}')
     inertia = float(p['motor_inertia'])
-    share = _entry(section, 'rotor_share', DEFAULT_ROTOR_SHARE, least=0.05, most=0.95)
-    resonance = _entry(section, 'gear_resonance', DEFAULT_RESONANCE, least=1.0, most=300.0)
-    damping = _entry(section, 'gear_damping', DEFAULT_GEAR_DAMPING, least=0.0, most=1.0)
+    # Most of the inertia at the output is the rotor's; rotor and link resonate at about 40 Hz.
+    share = _entry(section, 'rotor_share', 0.8, least=0.05, most=0.95)
+    resonance = _entry(section, 'gear_resonance', 40.0, least=1.0, most=300.0)
+    damping = _entry(section, 'gear_damping', 0.05, least=0.0, most=1.0)
     p['kind'] = GEARS[section['gear']]
     p['motor_inertia'], p['link_inertia'] = share * inertia, (1.0 - share) * inertia
     reduced = share * (1.0 - share) * inertia

@@ -29,8 +29,6 @@ from friction_comp.simulation.undeclared import undeclared_torque
 SUBSTEPS = 8
 SETTLING = 0.0005
 """Time without slip after which a joint sticks again, s."""
-RENEWAL = 3.0
-"""Sliding distance after which new breakaway levels are drawn, in bristle deflections."""
 
 
 @njit(cache=True)
@@ -65,7 +63,8 @@ def move_bristle(p: Record, s: Record, random: np.ndarray, v: float, friction: f
     s.rest = 0.0
     s.sliding = 1
     s.slid += h * abs(v)
-    if s.slid > RENEWAL * limit:
+    # Far enough for new breakaway levels.
+    if s.slid > 3.0 * limit:
         s.slid = 0.0
         draw_levels(p, s, random)
 
