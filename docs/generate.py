@@ -188,7 +188,7 @@ def demo() -> str:
 
 def reproduce() -> str:
     """Return the table of the note's figures."""
-    from friction_comp.note.note_report import compared
+    from friction_comp.note.experiments import compared
 
     configurations = stored('reproduce')['configurations']
     return rows(['', *(f'configuration {name}' for name in configurations)],

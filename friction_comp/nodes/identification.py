@@ -28,29 +28,12 @@ from friction_comp.identification import goal as goals
 from friction_comp.identification.goal import IdentificationGoal, TrajectoryGoal
 from friction_comp.identification.run import IdentificationRun, TrajectoryRun
 from friction_comp.nodes.goal_server import GoalServer
-from friction_comp.ros import joint_io
-from friction_comp.ros.node_parts import (
-    Diagnostics,
-    ERROR,
-    first_of,
-    load_models,
-    OK,
-    Rate,
-    Settings,
-    WARN,
-)
+from friction_comp.ros import joint_io, node_parts as parts
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO, nanoseconds
 
-# Real s between checks of the publishers of joint_states, other commanders, and the client; and
-# between feedback messages.
-_CHECK_PERIOD = _FEEDBACK_PERIOD = 0.1
-# Largest real age in s of the last joint state for a goal to be accepted. It is large, since a busy
-# machine may delay reading; the joint is not driven before a new state has arrived.
-_MAX_AGE = 2.0
-# rad by which a joint may move that is not to be moved, and share of a drive's limit that friction
-# is taken to hold where it is not known.
-_MOVED, _HELD = 0.1, 0.05
+# Real s between checks of publishers, other commanders and the client, and between feedbacks.
+_PERIOD = 0.1
 _SILENT = 'joint_states fell silent'
 
 
@@ -82,9 +65,9 @@ class IdentificationNode(Node):
 
     def __init__(self) -> None:
         super().__init__('identification')
-        settings = self._settings = Settings(self, 'identification')
+        settings = self._settings = parts.Settings(self, 'identification')
         self._joints = settings.joints
-        self._models = load_models(settings['model_files'], self._joints)
+        self._models = parts.load_models(settings['model_files'], self._joints)
         self._drives = [model.drive for model in self._models]
         self._carried = goals.Carried(
             self._joints, self._models, settings['gravity'] == goals.GRAVITY[0])
@@ -99,14 +82,14 @@ class IdentificationNode(Node):
         self._port = joint_io.CommandPort(
             self, [drive.current_limit for drive in self._drives], torques, interface)
         self._watchdog = Watchdog(timeout, self._on_silence).start()
-        self._rate, self._fresh, self._simulated = Rate(), -math.inf, settings['use_sim_time']
+        self._rate, self._fresh, self._simulated = parts.Rate(), -math.inf, settings['use_sim_time']
         # Joint index and run of the last request that was accepted.
         self._accepted: tuple[int, Any] = 0, None
         self._goal: RunningGoal | None = None
         compile_ahead(self._drives[0])
         self.create_subscription(JointState, 'joint_states', self._on_joint_states,
                                  joint_io.QOS[settings['input_reliability']])
-        steady_timer(self, _CHECK_PERIOD, self._check_connections)
+        steady_timer(self, _PERIOD, self._check_connections)
         self._goals = GoalServer(self)
         for kind, name, make_goal, make_run, finish in (
                 (IdentifyFriction, 'identify_friction', identification_goal, IdentificationRun,
@@ -116,7 +99,7 @@ class IdentificationNode(Node):
             self._goals.serve(kind, name, partial(self._accept, make_goal, make_run),
                               partial(self._move, name, kind.Feedback, finish),
                               lambda: self._end('cancelled on request'))
-        Diagnostics(self, self._report, self._joints, 'identification')
+        parts.Diagnostics(self, self._report, self._joints, 'identification')
 
     def _accept(self, make_goal: Callable[..., Any], make_run: Callable[..., Any], request: Any
                 ) -> None:
@@ -128,7 +111,8 @@ class IdentificationNode(Node):
 
     def _check_surroundings(self, joint: str) -> None:
         """Raise InputError without new states of a joint, or if another node may command it."""
-        if time.monotonic() - self._fresh > _MAX_AGE:
+        # A busy machine may delay reading; the joint is not driven before a new state has arrived.
+        if time.monotonic() - self._fresh > 2.0:
             raise InputError(_why_old(self._states, joint, 'joint_states are not updated')
                              if self._rate.count else 'there are no joint_states')
         if joint in self._states.missing:
@@ -141,7 +125,7 @@ class IdentificationNode(Node):
         carried, states = self._carried.at(self._states.position), self._states
         for j, (joint, model) in enumerate(zip(self._joints, self._models)):
             held = float(states.effort[j]) * self._per_effort[j]
-            friction = (_HELD * model.drive.current_limit if model.breakaway is None else min(
+            friction = (0.05 * model.drive.current_limit if model.breakaway is None else min(
                 model.breakaway.positive_mean, -model.breakaway.negative_mean))
             if j != index and min(abs(held), abs(held - carried[j])) > friction:
                 say = partial(model.drive.in_words, torque=self._torque)
@@ -257,7 +241,7 @@ class IdentificationNode(Node):
         commands[index] = 0.0 if run.finished else current
         self._port.answer(commands, ticket, states.stamp if self._simulated else 0)
         now = time.monotonic()
-        if now - goal.last_feedback >= _FEEDBACK_PERIOD:
+        if now - goal.last_feedback >= _PERIOD:
             goal.last_feedback = now
             goal.tell(phase=run.phase, progress=float(run.progress),
                       remaining_seconds=float(run.remaining), time=at, position=position,
@@ -271,7 +255,7 @@ class IdentificationNode(Node):
             goal.places = position.copy()
         moved = np.abs(position - goal.places)
         moved[goal.index] = 0.0
-        if (moved > _MOVED).any():
+        if (moved > 0.1).any():
             joint = self._joints[int(np.nanargmax(moved))]
             raise InputError(
                 f'{joint} moved by {np.nanmax(moved):.2g} rad while {goal.joint} was moved: '
@@ -313,10 +297,10 @@ class IdentificationNode(Node):
             values.update({'joint': goal.joint, 'phase': goal.run.phase,
                            'progress': float(goal.run.progress), 'command [A]': self._port.last})
         last = self._goals.last
-        return first_of(
-            values, (goal, OK, f'{goal.name}: moves {goal.joint}' if goal else ''),
-            (last.startswith('aborted'), ERROR, last),
-            (self._states.stamp, OK, 'ready'), (True, WARN, 'no joint_states yet'))
+        return parts.first_of(
+            values, (goal, parts.OK, f'{goal.name}: moves {goal.joint}' if goal else ''),
+            (last.startswith('aborted'), parts.ERROR, last),
+            (self._states.stamp, parts.OK, 'ready'), (True, parts.WARN, 'no joint_states yet'))
 
     def stop_motor(self) -> None:
         """Command zero current for good; may be called from any thread."""

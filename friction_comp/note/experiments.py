@@ -22,7 +22,6 @@ from friction_comp.exercise.exercise_script import ReferenceMovement
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationResult, IdentificationRun
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Breakaway
 from friction_comp.package_files import package_file
 from friction_comp.parallel import child_process
 from friction_comp.samples import Samples
@@ -30,9 +29,6 @@ from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.joint_parameters import FRICTION, joint_parameters
 from friction_comp.simulation.random_sequence import random_states
-
-RAMP_PERIOD = 10.0
-"""T of Eq. 8 in s, all configurations."""
 
 FALSE_START = math.radians(1.0)
 """rad by which a joint has started by itself; sticking joints deflect by 0.01 to 0.02 degrees."""
@@ -83,13 +79,10 @@ EXPERIMENTS = (
 
 SAMPLE_TIME, IDENTIFIED_EVERY = 1e-3, 2e-3
 """s between samples of the trials, and of identification, which is not compiled."""
-MOTION_RANGE = math.radians(90.0)
 REPETITIONS = 10
 CONDITIONS = ('none', 'kinetic', 'paper', 'continuous', 'inertia')
 LAWS = ('paper', 'continuous')
 STANDSTILLS = 360
-# Relative error by which the law's breakaway currents are too large in standstills.
-BREAKAWAY_ERROR = 0.1
 
 
 def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions: int,
@@ -142,22 +135,16 @@ def mean_peak(evaluation: Evaluation) -> float:
     return float(np.mean([condition.peak_torque for condition in evaluation.conditions]))
 
 
-def with_breakaway_error(model: FrictionModel) -> FrictionModel:
-    """Return the model with breakaway means too large by `BREAKAWAY_ERROR`."""
-    both = model.breakaway
-    assert both is not None, 'an identified model has breakaway currents'
-    return replace(model, breakaway=replace(
-        both, positive_mean=both.positive_mean * (1.0 + BREAKAWAY_ERROR),
-        negative_mean=both.negative_mean * (1.0 + BREAKAWAY_ERROR)))
-
-
 def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> np.ndarray:
     """Return how far an untouched joint moves in each of `STANDSTILLS`, rad; one hour in total.
 
     Each takes 10 s, has new breakaway levels and a direction announced after 0.5 s, half of them
-    d = 1; the law's breakaway currents are too large by `BREAKAWAY_ERROR`.
+    d = 1; the law's breakaway currents are 10 % too large.
     """
-    model = with_breakaway_error(model)
+    assert model.breakaway is not None, 'an identified model has breakaway currents'
+    model = replace(model, breakaway=replace(
+        model.breakaway, positive_mean=1.1 * model.breakaway.positive_mean,
+        negative_mean=1.1 * model.breakaway.negative_mean))
     count = round(10.0 / SAMPLE_TIME)
     still, direction = np.zeros((2, count)), np.zeros((2, count))
     direction[:, round(0.5 / SAMPLE_TIME):] = [[1.0], [-1.0]]
@@ -170,94 +157,61 @@ def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: in
     return np.asarray(np.abs(extremes).max(axis=1))
 
 
-def identify(experiment: Experiment, cycles: int, seed: int) -> tuple[IdentificationResult, float]:
-    """Identify a simulated joint; return the result and the drive time it took, s."""
+def identify(experiment: Experiment, cycles: int, seed: int) -> IdentificationResult:
+    """Identify a simulated joint."""
     model = experiment.model()
     run = IdentificationRun(IdentificationGoal(
-        speeds=experiment.speeds, motion_range=MOTION_RANGE, ramp_slope=experiment.ramp_slope,
-        ramp_period=RAMP_PERIOD, breakaway_cycles=cycles), model.drive)
+        speeds=experiment.speeds, motion_range=math.radians(90.0),
+        ramp_slope=experiment.ramp_slope, ramp_period=10.0, breakaway_cycles=cycles), model.drive)
     plant = Plant([model], seed=seed, sample_time=IDENTIFIED_EVERY)
     while True:
         state = plant.state
         command = run.update(state.time, state.position[0], state.velocity[0], state.current[0])
         if run.finished:
-            return run.result(), state.time
+            return run.result()
         plant.step([command])
 
 
-@dataclass
-class ExperimentOutcome:
-    """Results of one configuration."""
+def run_experiment(experiment: Experiment, identified: Callable[[], IdentificationResult],
+                   seed: int, report: Callable[[float, str], None]) -> dict[str, Any]:
+    """Run all experiments but the identification, which `identified` gets from another process.
 
-    experiment: Experiment
-    identified: IdentificationResult
-    model: FrictionModel  # the identified one
-    trials: dict[str, Evaluation]  # by condition
-    standstills: dict[str, np.ndarray]  # by law: distances in rad, as from `stand_still`
-    drive_time: float  # simulated time that identification took, s
-
-    @property
-    def breakaway(self) -> Breakaway:
-        """Breakaway currents as identified."""
-        assert self.model.breakaway is not None, 'an identified model has breakaway currents'
-        return self.model.breakaway
-
-    @property
-    def peaks(self) -> dict[str, float]:
-        """Peak torque per condition in N·m."""
-        return {name: mean_peak(trial) for name, trial in self.trials.items()}
-
-    def reduction(self, law: str) -> float:
-        """Share by which a law lowers the peak torque of the condition 'kinetic'."""
-        return 1.0 - self.peaks[law] / self.peaks['kinetic']
-
-    def false_starts(self, law: str) -> int:
-        """Return the number of standstills in which the joint moved farther than `FALSE_START`."""
-        return int(np.sum(self.standstills[law] > FALSE_START))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the configuration's entry of results.json."""
-        return {
-            'breakaway': {
-                **{f'{side}_{figure}': getattr(self.breakaway, f'{side}_{figure}')
-                   for side in ('positive', 'negative') for figure in ('mean', 'std')},
-                'cycles': self.identified.goal.breakaway_cycles},
-            'sigmoid': list(self.model.sigmoid.coefficients()),
-            'sigmoid_error': self.identified.sigmoid_error,
-            'speeds': [point.speed for point in self.identified.points],
-            'currents': [point.current for point in self.identified.points],
-            'peak_torque': self.peaks,
-            'peak_reduction': {law: self.reduction(law) for law in LAWS},
-            'false_starts': {law: self.false_starts(law) for law in LAWS}}
-
-
-def run_experiment(experiment: Experiment, identified: Callable[[], tuple[
-        IdentificationResult, float]], seed: int, report: Callable[[float, str], None]
-        ) -> ExperimentOutcome:
-    """Run all experiments but the identification, which `identified` gets from another process."""
+    Returns the configuration's entry of results.json.
+    """
     report(0.0, 'identification')
-    result, seconds = identified()
+    result = identified()
     # The model for the compensation: all its friction was measured.
     model = replace(experiment.model(), sigmoid=result.sigmoid, breakaway=result.breakaway,
                     simulation={}, notes={})
     report(0.3, 'trials')
-    trials = {name: run_trial(experiment, model, name, seed) for name in CONDITIONS}
-    standstills = {}
+    peaks = {name: mean_peak(run_trial(experiment, model, name, seed)) for name in CONDITIONS}
+    starts = {}
     for k, law in enumerate(LAWS):
         report(0.5 + 0.25 * k, f'standstill, {law} law')
-        standstills[law] = stand_still(experiment, model, law, seed)
+        starts[law] = int(np.sum(stand_still(experiment, model, law, seed) > FALSE_START))
     report(1.0, 'done')
-    return ExperimentOutcome(experiment, result, model, trials, standstills, seconds)
+    return {
+        'breakaway': {
+            **{f'{side}_{figure}': getattr(result.breakaway, f'{side}_{figure}')
+               for side in ('positive', 'negative') for figure in ('mean', 'std')},
+            'cycles': result.goal.breakaway_cycles},
+        'sigmoid': list(result.coefficients), 'sigmoid_error': result.sigmoid_error,
+        'speeds': [point.speed for point in result.points],
+        'currents': [point.current for point in result.points],
+        'peak_torque': peaks,
+        'peak_reduction': {law: 1.0 - peaks[law] / peaks['kinetic'] for law in LAWS},
+        'false_starts': starts}
 
 
 def run_experiments(cycles: int, seed: int,
-                    report: Callable[[float, str], None]) -> list[ExperimentOutcome]:
+                    report: Callable[[float, str], None]) -> dict[str, dict[str, Any]]:
     """Run the experiments of every configuration, with `cycles` current ramps per direction.
 
     Drives are identified sample by sample in a separate process, all else runs compiled and in
-    parallel. ``report(share, description)`` is called with the progress.
+    parallel. ``report(share, description)`` is called with the progress. Returns the configurations
+    of results.json, by number.
     """
-    outcomes = []
+    outcomes = {}
     with child_process() as pool:
         found = [pool.submit(identify, experiment, cycles, seed) for experiment in EXPERIMENTS]
         for k, experiment in enumerate(EXPERIMENTS):
@@ -265,5 +219,36 @@ def run_experiments(cycles: int, seed: int,
                             number: int = experiment.number) -> None:
                 report((k + share) / len(EXPERIMENTS), f'configuration {number}: {what}')
 
-            outcomes.append(run_experiment(experiment, found[k].result, seed, report_part))
+            outcomes[str(experiment.number)] = run_experiment(
+                experiment, found[k].result, seed, report_part)
     return outcomes
+
+
+def compared(configurations: dict[str, Any]) -> list[list[str]]:
+    """Return a row of text for each result in results.json, with the note's in brackets."""
+    columns = [_cells(configurations[str(note.number)], note) for note in EXPERIMENTS]
+    return [[name, *(column[name] for column in columns)] for name in columns[0]]
+
+
+def _cells(result: dict[str, Any], note: Experiment) -> dict[str, str]:
+    breakaway, peak = result['breakaway'], result['peak_torque']
+    mean = 0.5 * (breakaway['positive_mean'] - breakaway['negative_mean'])
+    std = 0.5 * (breakaway['positive_std'] + breakaway['negative_std'])
+    removed = (peak['none'] - peak['continuous']) / (peak['none'] - peak['inertia'])
+    reduction = result['peak_reduction']
+    return {
+        'breakaway current, mA': (
+            f'{1e3 * mean:.1f} ± {1e3 * std:.1f} '
+            f'({1e3 * note.breakaway:.1f} ± {1e3 * note.breakaway_std:.1f})'),
+        'peak torque to start, N·m: no compensation': f'{peak["none"]:.2f}',
+        'peak torque: kinetic only, d = 0': f'{peak["kinetic"]:.2f} ({note.peak_kinetic:.2f})',
+        "peak torque: the note's law, d = ±1":
+            f'{peak["paper"]:.2f} ({note.peak_compensated:.2f})',
+        'peak torque: continuous law, d = ±1': f'{peak["continuous"]:.2f}',
+        'peak torque: no friction': f'{peak["inertia"]:.2f}',
+        "peak reduced from d = 0: the note's law":
+            f'{100 * reduction["paper"]:.0f} % ({100 * note.reduction:.0f} %)',
+        'peak reduced from d = 0: continuous law': f'{100 * reduction["continuous"]:.0f} %',
+        'friction removed from the uncompensated peak: continuous law': f'{100 * removed:.0f} %',
+        "false starts per hour, breakaway 10 % too large: note's / continuous law":
+            '{paper} / {continuous}'.format(**result['false_starts'])}

@@ -42,14 +42,9 @@ from friction_comp.trajectory import Trajectory
 if TYPE_CHECKING:
     from friction_comp.monitoring.checkup import Endpoint, Observation
 
-# s: until an unanswered request is sent again, or a refused goal and a cancellation; in which a
-# cancellation must be acknowledged; without its server, until an action has no result any more; and
-# the longest goal.
-_ANSWER_TIME, _AGAIN, _CANCEL_TIME, _GONE_TIME, _LONGEST_GOAL = 5.0, 0.2, 2.0, 1.0, 3600.0
-# Longest time in s until a signal is heard, and until a node that is asked for parameters answers.
-_LOOK, _TIMEOUT = 0.05, 3.0
-# Shortest duration of the approach to the first point, s, and its speed relative to the trajectory.
-_MIN_APPROACH_TIME, _APPROACH_SPEED = 2.0, 0.3
+# s: until a refused goal and a cancellation are sent again; the longest goal; longest time until a
+# signal is heard.
+_AGAIN, _LONGEST_GOAL, _LOOK = 0.2, 3600.0, 0.05
 _DOCTOR = 'friction_comp_doctor'
 
 
@@ -74,11 +69,11 @@ def _cancellation() -> CancelGoal.Request:
 
 
 class ToolClient:
-    """A separate node for a tool; closed with the ``with`` block.
+    """A separate node for a tool, `node`, closed with the ``with`` block.
 
     `check` is called while waiting and may raise an error to stop it. `patience` is the timeout in
     s of everything but the result of an action. `arguments` are ROS arguments. Methods raise
-    InputError where a node does not answer, refuses or fails. `node` is the node in ROS 2.
+    InputError where a node does not answer, refuses or fails.
     """
 
     def __init__(self, check: Callable[[], object] = lambda: None, patience: float = 60.0,
@@ -104,8 +99,8 @@ class ToolClient:
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             # As diagnostic_updater names it: 'node: task'.
-            name = status.name.partition(':')[0]
-            self._status[name] = {item.key: item.value for item in status.values}
+            self._status[status.name.partition(':')[0]] = {
+                item.key: item.value for item in status.values}
 
     def value(self, node: str, key: str) -> str | None:
         """Return the last value of a key in a node's diagnostics, or None."""
@@ -161,24 +156,23 @@ class ToolClient:
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
         """Set a parameter of a running node."""
-        result = self._call(SetParameters, f'{node}/set_parameters', SetParameters.Request(
-            parameters=[Parameter(name, value=value).to_parameter_msg()])).results[0]
+        result = self._call(SetParameters, f'{node}/set_parameters',
+                            parameters=[Parameter(name, value=value).to_parameter_msg()]).results[0]
         if not result.successful:
             raise InputError(f'{node} refuses {name}: {result.reason}')
 
     def parameters(self, node: str) -> dict[str, Any]:
         """Return the parameters of a running node."""
-        names = self._call(
-            ListParameters, f'{node}/list_parameters', ListParameters.Request()).result.names
-        values = self._call(
-            GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values
+        names = self._call(ListParameters, f'{node}/list_parameters').result.names
+        values = self._call(GetParameters, f'{node}/get_parameters', names=names).values
         return dict(zip(names, map(parameter_value_to_python, values)))
 
-    def _call(self, kind: Any, name: str, request: Any) -> Any:
+    def _call(self, kind: Any, name: str, **fields: Any) -> Any:
         client = self.node.create_client(kind, name)
         try:
             self.wait_until(client.service_is_ready, f'the service {name}')
-            return self._request(lambda: client.call_async(request), f'the service {name}')
+            return self._request(lambda: client.call_async(kind.Request(**fields)),
+                                 f'the service {name}')
         finally:
             self.node.destroy_client(client)
 
@@ -211,8 +205,8 @@ class ToolClient:
             self.wait_until(lambda: set(joints) <= set(places),
                             f'joint_states of {", ".join(joints)}')
         distance = np.abs(trajectory.position[0] - [places[joint] for joint in joints]).max()
-        speed = _APPROACH_SPEED * np.abs(trajectory.velocity).max()
-        later = max(_MIN_APPROACH_TIME, 1.875 * distance / speed)
+        # At 0.3 of the trajectory's speed.
+        later = max(2.0, 1.875 * distance / (0.3 * np.abs(trajectory.velocity).max()))
         end = later + trajectory.time[-1]
 
         def report_feedback(feedback: Any) -> None:
@@ -266,7 +260,7 @@ class ToolClient:
             nonlocal ready_at
             if action.server_is_ready():
                 ready_at = time.monotonic()
-            elif time.monotonic() - ready_at > _GONE_TIME and not result.done():
+            elif time.monotonic() - ready_at > 1.0 and not result.done():
                 raise InputError(f'{what} has ended')
             return result.done()
         try:
@@ -285,7 +279,7 @@ class ToolClient:
         """Cancel a goal; say so on standard error if nobody acknowledges it."""
         if accepted.done() and not accepted.result().accepted:
             return
-        end = time.monotonic() + _CANCEL_TIME
+        end = time.monotonic() + 2.0
         with interrupts_deferred():
             while time.monotonic() < end:
                 answer, again = cancel.call_async(request), time.monotonic() + _AGAIN
@@ -302,7 +296,7 @@ class ToolClient:
         """Return the answer to a request, repeated since replies before discovery are lost."""
         end = time.monotonic() + self._patience
         while time.monotonic() < end:
-            future, again = send(), time.monotonic() + _ANSWER_TIME
+            future, again = send(), time.monotonic() + 5.0
             while not future.done() and time.monotonic() < again:
                 self.wait(_LOOK)
             if future.done():
@@ -332,12 +326,12 @@ def observe(seconds: float, arguments: Sequence[str],
     def on_diagnostics(message: Any) -> None:
         seen.diagnostics.update({
             status.name: (ord(status.level), status.message) for status in message.status})
-    with ToolClient(patience=_TIMEOUT, name=_DOCTOR, arguments=arguments) as ros, ExitStack() as on:
-        for kind, topic, take in ((JointState, 'joint_states', on_states),
-                                  (Float64MultiArray, 'current_command', on_command),
-                                  (DiagnosticArray, '/diagnostics', on_diagnostics),
-                                  (Clock, '/clock', lambda _: setattr(seen, 'clock', True))):
-            on.enter_context(ros.subscribed(kind, topic, take))
+    with ToolClient(patience=3.0, name=_DOCTOR, arguments=arguments) as ros, ExitStack() as on:
+        for heard in ((JointState, 'joint_states', on_states),
+                      (Float64MultiArray, 'current_command', on_command),
+                      (DiagnosticArray, '/diagnostics', on_diagnostics),
+                      (Clock, '/clock', lambda _: setattr(seen, 'clock', True))):
+            on.enter_context(ros.subscribed(*heard))
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             progress(0.8 * (1.0 - left / seconds), 'listening')
