@@ -20,12 +20,8 @@ from friction_comp.control.inputs import Inputs
 from friction_comp.control.port import NEGLIGIBLE, Port
 from friction_comp.model.friction_model import FrictionModel
 
-# Silence after which the driver may have been restarted, with another zero position, s.
-RESTART_SILENCE = 1.0
 # Real s without another commander after which a new one is a latched fault.
 ALONE = 3.0
-# Share of the compensation withdrawn by guards above which a warning is given.
-_REPORTED_LOSS = 0.1
 
 
 class CompensationLoop:
@@ -114,7 +110,8 @@ class CompensationLoop:
         inputs = self.inputs
         if inputs.anew:
             self._law.reset()
-        if (inputs.silence > RESTART_SILENCE and not self._simulated
+        # After a second, the driver may have been restarted, with another zero position.
+        if (inputs.silence > 1.0 and not self._simulated
                 and (np.abs(self._computed) >= NEGLIGIBLE).any()):
             self._faults.latch('driver', f'joint_states were silent for {inputs.silence:.3g} s '
                                'while the motor was driven: the driver may have been restarted')
@@ -168,7 +165,7 @@ class CompensationLoop:
             self._faults.report(
                 'doubt', f'{", ".join(doubtful)}: no current, since the position jumps')
         if reduced := [joint for joint, share in zip(self._joints, guards['taken back'])
-                       if share > _REPORTED_LOSS]:
+                       if share > 0.1]:
             self._faults.report('lost friction', f'{", ".join(reduced)}: less current, since the '
                                 'drive slipped under its preload, or went on faster than '
                                 'identified: its friction may have decreased; identify it again, '

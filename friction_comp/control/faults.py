@@ -11,8 +11,6 @@ import time
 from typing import Any
 
 WARN, ERROR = b'\x01', b'\x02'
-# A fault that has not been reported for this time has ended, s.
-_HOLD = 2.0
 
 
 @dataclass
@@ -69,10 +67,10 @@ class Faults:
         return texts
 
     def expire(self) -> None:
-        """End faults that are no longer reported; to be called regularly."""
+        """End faults that have not been reported for 2 s; to be called regularly."""
         now = self._clock()
         with self._lock:
-            ended = [cause for cause, fault in self._faults.items() if now - fault.seen > _HOLD]
+            ended = [cause for cause, fault in self._faults.items() if now - fault.seen > 2.0]
             faults = [self._faults.pop(cause) for cause in ended]
         for fault in faults:
             lasted = fault.seen - fault.begun

@@ -19,10 +19,6 @@ from friction_comp.model.friction_model import FrictionModel
 
 # s: sample time, at rest, from standstill to speed, and at speed.
 _STEP, _REST, _START, _STEADY = 0.005, 0.6, 0.4, 0.6
-# Share of the fastest identified speed.
-_SPEED = 0.5
-CHANGED = 0.1
-"""Relative change that is told with a warning: the margin that the law leaves for model errors."""
 
 
 class FeedForward(NamedTuple):
@@ -40,16 +36,19 @@ def feed_forward(model: FrictionModel) -> FeedForward:
     bare = replace(model, arm=None, position_limits=None, effects=[
         effect for effect in model.effects
         if effect.role == RESISTS and not effect.needs and not effect.not_fed_back])
-    speed = _SPEED * float(CompensationLaw([bare]).parameters['identified'][0])
+    speed = 0.5 * float(CompensationLaw([bare]).parameters['identified'][0])
     return FeedForward(*np.abs([_one_direction(bare, sign, speed) for sign in (1.0, -1.0)]).T)
 
 
 def changes(before: FeedForward, after: FeedForward) -> list[str]:
-    """Return where clearly more or less is fed forward than before, as text."""
+    """Return where by a tenth more or less is fed forward than before, as text.
+
+    That is the margin that the law leaves for errors of a model.
+    """
     texts = []
     for place, old, new in zip(('at rest', 'sliding'), before, after):
         side = int(np.abs(new - old).argmax())
-        if abs(new[side] - old[side]) > CHANGED * max(new[side], old[side]):
+        if abs(new[side] - old[side]) > 0.1 * max(new[side], old[side]):
             texts.append(f'{place}, {new[side]:.3g} A instead of {old[side]:.3g} A')
     return texts
 

@@ -24,8 +24,6 @@ from friction_comp.samples import beyond, LIMITS
 from friction_comp.stamps import NANO
 
 _MAX_POSITION, _MAX_VELOCITY = LIMITS['position'][0], LIMITS['velocity'][0]
-# Largest age of a temperature, ns; friction follows it within minutes.
-_TEMPERATURE_TIMEOUT = 60_000_000_000
 _NEVER = -math.inf
 
 
@@ -407,6 +405,7 @@ class MotorTemperature:
             return None
         values = np.full(len(self._indices), math.nan)
         for held, stamps in zip(self._values[::-1], self._times[::-1]):
-            known = (stamps > 0) & (stamps < time) & (time - stamps <= _TEMPERATURE_TIMEOUT)
+            # Friction follows the temperature within minutes.
+            known = (stamps > 0) & (stamps < time) & (time - stamps <= 60_000_000_000)
             values[known] = held[known]
         return None if np.isnan(values).all() else values

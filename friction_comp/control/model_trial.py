@@ -23,9 +23,6 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.motor_check import doubts
 from friction_comp.package_files import package_file
 
-# Samples of the trial run.
-_TRIAL = 300
-
 
 class Loaded(NamedTuple):
     """A model that was tried, and what the law feeds forward with it."""
@@ -44,7 +41,7 @@ def try_model(model: FrictionModel, gravity: str, path: str) -> Loaded:
     """Run a model in a separate law for a movement to and fro; raise InputError if it fails."""
     try:
         law = CompensationLaw([model], gravity=gravity)
-        for k in range(_TRIAL):
+        for k in range(300):
             angle = 0.02 * k
             current = law.update(
                 1e-3 * k, [math.sin(angle)], [20.0 * math.cos(angle)], [1.0 - k % 3],

@@ -14,10 +14,6 @@ from collections.abc import Callable
 import threading
 import time
 
-# The alarm comes before the end of the timeout by this share of it, at most so many seconds, so
-# that its effect arrives in time.
-_EARLY, _MAX_EARLY = 0.1, 0.005
-
 
 class Watchdog:
     """Calls an alarm, in its thread, if it is not fed within a timeout in s.
@@ -27,7 +23,8 @@ class Watchdog:
 
     def __init__(self, timeout: float, alarm: Callable[[], None],
                  clock: Callable[[], float] = time.monotonic) -> None:
-        self._timeout = timeout - min(_EARLY * timeout, _MAX_EARLY)
+        # Earlier, so that its effect arrives in time.
+        self._timeout = timeout - min(0.1 * timeout, 0.005)
         self._alarm, self._clock = alarm, clock
         self._fed: float | None = None
         self._lock = threading.Lock()

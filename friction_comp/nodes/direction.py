@@ -29,9 +29,6 @@ from friction_comp.ros.node_main import yield_to_executor
 from friction_comp.ros.node_parts import Diagnostics, OK, Settings, WARN
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
-# Real s after which a calibration is given up, which takes three by the clock.
-_PATIENCE = 12.0
-
 
 class DirectionNode(Node):
     """Publishes `direction_stamped` at a rate; what it says is computed by the room `direction`."""
@@ -152,7 +149,8 @@ class DirectionNode(Node):
         if not any(sensor.calibrating for sensor in sensors):
             for sensor in sensors:
                 sensor.begin_calibration()
-        end = time.monotonic() + _PATIENCE
+        # Real time; it takes three seconds by the clock.
+        end = time.monotonic() + 12.0
         while any(sensor.calibrating for sensor in sensors) and time.monotonic() < end:
             await yield_to_executor()
         failures = [f'{joint}: {sensor.failure}' for joint, sensor in zip(self._joints, sensors)

@@ -29,8 +29,6 @@ from friction_comp.stamps import NANO, nanoseconds, set_stamp
 # without an answer: by then, everything that had arrived has been processed. And s between motor
 # temperatures, which change slowly.
 _CHECK_PERIOD = _TEMPERATURE_PERIOD = 0.1
-# Samples of delay after which a real-time plant skips time.
-_LARGEST_LAG = 50
 
 
 class PlantNode(Node):
@@ -217,7 +215,8 @@ class PlantNode(Node):
     def _on_time(self) -> None:
         now = time.monotonic_ns()
         due = (now - self._started) // self._sample
-        if (lost := due - self._samples) > _LARGEST_LAG:
+        # More samples are not made up for: time is skipped.
+        if (lost := due - self._samples) > 50:
             self._overruns += 1
             self._started += lost * self._sample
             self._origin += lost * self._sample

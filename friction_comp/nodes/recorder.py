@@ -17,9 +17,6 @@ from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.node_parts import Diagnostics, ERROR, first_of, OK, Rate, Settings, WARN
 from friction_comp.ros.ros_start import steady_timer
 
-# Real s between writes to the disk.
-_FLUSH = 0.25
-
 
 class RecorderNode(Node):
     """Writes every serialised message at once, and counts lost ones."""
@@ -41,7 +38,7 @@ class RecorderNode(Node):
             settings['compression'])
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
-        steady_timer(self, _FLUSH, self._flush)
+        steady_timer(self, 0.25, self._flush)
         self._diagnostics = Diagnostics(self, self._report, [output], 'recording')
 
     @contextmanager

@@ -39,12 +39,6 @@ from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO
 from friction_comp.tables.columns import Layout
 
-# Real s between looks at a running refinement, and between comparisons of models with the motion.
-_POLL_PERIOD, _MONITORING_PERIOD = 0.2, 1.0
-# Real s in which the compensator validates and takes a new model, and after which it is not heard.
-_TIMEOUT, _SILENCE = 20.0, 3.0
-# Messages that are written at once.
-_AT_ONCE = 500
 # ns between states that are compared, and of difference up to which a load, or temperature, counts.
 _STEP, _AGES = 8_000_000, np.array([[50_000_000], [60 * NANO]])
 _SLOW = {'interaction_wrench': (0, WrenchStamped, lambda message: message.wrench.torque.z),
@@ -126,7 +120,7 @@ class RefinementNode(Node):
         self._stopped = self._error = ''
         self._fits = dict.fromkeys(self._joints, True)
         self._topics = DatedTopics(self, self._keep, ('reference',)).topics
-        steady_timer(self, _MONITORING_PERIOD, self._monitor)
+        steady_timer(self, 1.0, self._monitor)
         self._goals = GoalServer(self)
         self._goals.serve(RefineModel, 'refine_model', self._accept, self._execute)
         parts.Diagnostics(self, self._report, self._joints, 'refinement')
@@ -168,7 +162,8 @@ class RefinementNode(Node):
                 self._error = str(error)
 
     def _monitor(self) -> None:
-        compensated = time.monotonic() - self._active < _SILENCE
+        # It reports once a second.
+        compensated = time.monotonic() - self._active < 3.0
         for joint, rows in zip(self._joints, self._rows.take()):
             residual = self._residuals[joint]
             if compensated:
@@ -224,7 +219,7 @@ class RefinementNode(Node):
                 job.cancel()
                 raise InputError(self._ended(goal_handle))
             goal_handle.publish_feedback(RefineModel.Feedback(progress=job.share, step=job.step))
-            end = time.monotonic() + _POLL_PERIOD
+            end = time.monotonic() + 0.2
             while time.monotonic() < end and not self._stopped:
                 # The executor does not sleep while a coroutine is pending.
                 time.sleep(self.batch_time)
@@ -243,7 +238,7 @@ class RefinementNode(Node):
         with RecordingWriter(path, {'recorded_by': 'friction_comp refinement'}) as writer:
             for number, message in enumerate(one for one in messages if one.stamp >= since):
                 writer.write(message.topic, message.kind, message.stamp, message.cdr)
-                if number % _AT_ONCE == 0:
+                if number % 500 == 0:
                     await yield_to_executor()
                     if why := self._ended(goal_handle):
                         raise InputError(why)
@@ -263,7 +258,8 @@ class RefinementNode(Node):
         files = {**self._compensators, joint: result.model_file}
         future = self._set.call_async(SetParameters.Request(parameters=[
             Parameter('model_files', value=list(files.values())).to_parameter_msg()]))
-        end = time.monotonic() + _TIMEOUT
+        # Real s in which the compensator validates and takes a new model.
+        end = time.monotonic() + 20.0
         while not future.done() and time.monotonic() < end:
             await yield_to_executor()
         answer = future.result().results[0] if future.done() else None
