@@ -143,6 +143,23 @@ def test_times_that_cannot_be_in_seconds_are_told(step, begin, words):
     assert timing.not_in_seconds(1e-3 * np.arange(1000.0) / 1e-9, 1e-9) == ''
 
 
+def test_turns_are_added_within_usual_steps_and_for_slow_joints_only():
+    time = np.arange(0.0, 20.0, 0.05)
+    turning = 9.0 * np.sin(0.2 * time) + 0.3 * np.sin(1.3 * time)
+    angle = np.mod(turning + np.pi, 2.0 * np.pi) - np.pi
+    for turn in (2.0 * np.pi, 360.0):
+        scale = turn / (2.0 * np.pi)
+        np.testing.assert_allclose(
+            scale * angle + turn * motion.turns_of(time, scale * angle, turn), scale * turning)
+    between = time[:-1] + 0.02
+    np.testing.assert_allclose(
+        motion.at_times(between, time, angle, turn=2.0 * np.pi),
+        9.0 * np.sin(0.2 * between) + 0.3 * np.sin(1.3 * between), atol=2e-3)
+    # A joint may have been anywhere after a gap, and one that jumps all the time is no angle.
+    assert not motion.turns_of(np.array([0.0, 0.05, 0.1, 2.0]), np.array([3.1] * 3 + [-3.1])).any()
+    assert not motion.turns_of(time, np.pi * np.sign(np.sin(40.0 * time))).any()
+
+
 def test_rate_and_gaps():
     time = np.arange(0.0, 2.0, 1e-3)
     assert timing.rhythm(time)[:2] == (pytest.approx(1000.0), 0)

@@ -16,10 +16,12 @@ from recording_maker import (
     make_samples,
     record,
     states,
+    STORE,
     T,
     wrench,
 )
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from rosbags.typesys import get_types_from_msg
 
 from friction_comp.errors import InputError
 from friction_comp.files import file_names
@@ -197,11 +199,6 @@ def test_empty_stamps_are_replaced_by_receive_times(tmp_path):
     assert info.start == 0.0
     assert info.notes == []
     np.testing.assert_allclose(np.diff(samples.time), 1e-3, atol=1e-9)
-    # Single empty stamps tell nothing.
-    record(tmp_path / 'some', states(
-        stamp=lambda k: 0 if k % 7 == 3 else 9_000_000_000 + k * 1_000_000))
-    samples, = read_recording(tmp_path / 'some')
-    assert len(samples) == 43
 
 
 def test_bad_samples_are_left_out_and_counted(tmp_path):
@@ -340,3 +337,24 @@ def test_the_file_of_a_joint_is_in_the_folder_where_it_is_written():
     assert file_names(names) == [
         'elbow', 'r1_elbow', 'linkes Knie', 'left_elbow', 'right_elbow', 'right_elbow_']
     assert not any('/' in name for name in folder_names(['/etc/x', '../x', '/../x', '/']))
+
+
+def test_dynamic_joint_states_give_the_current_that_joint_states_lack(tmp_path):
+    value, kind = 'control_msgs/msg/InterfaceValue', 'control_msgs/msg/DynamicJointState'
+    STORE.register({
+        **get_types_from_msg('string[] interface_names\nfloat64[] values', value),
+        **get_types_from_msg('std_msgs/Header header\nstring[] joint_names\n'
+                             'InterfaceValue[] interface_values', kind)})
+    messages, names = [], ['velocity', 'current', 'position', 'temperature']
+    for k in range(50):
+        stamp = 10 ** 9 + 10 ** 6 * k
+        messages += [('/joint_states', stamp, joint_state(
+            stamp, ['elbow'], [0.1 * k], [100.0], [np.nan])), (
+            '/dynamic_joint_states', stamp, (kind, T[kind](header(stamp), ['gpio', 'elbow'], [
+                T[value](['on'], np.ones(1)),
+                T[value](names, np.array([100.0, 0.5, 0.1 * k, 31.0]))])))]
+    (samples, info), = read_recording_with_info(record(tmp_path / 'bag', messages))
+    assert (samples.joint, info.effort_is_current) == ('elbow', True)
+    np.testing.assert_allclose(samples.current, 0.5)
+    np.testing.assert_allclose(samples.position, 0.1 * np.arange(50))
+    np.testing.assert_allclose(samples.temperature, 31.0)

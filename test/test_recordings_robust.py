@@ -88,13 +88,15 @@ def test_recordings_without_what_is_needed(tmp_path):
         read_recording(tmp_path / 'effort', torque_constant=0.0)
 
 
-@pytest.fixture(scope='module')
-def whole(tmp_path_factory):
+@pytest.fixture(scope='module', params=['none', 'storage'])
+def whole(request, tmp_path_factory):
     """Make a file of many chunks; return its bytes."""
     folder = tmp_path_factory.mktemp('whole') / 'trial'
-    with RecordingWriter(folder) as recording:
+    with RecordingWriter(folder, compression=request.param) as recording:
         write_states(recording, range(BATCH * BATCHES))
-    return (folder / 'trial_0.mcap').read_bytes()
+    content = (folder / 'trial_0.mcap').read_bytes()
+    assert len(read_recording(folder)[0]) == BATCH * BATCHES
+    return content
 
 
 @settings(max_examples=40)
@@ -197,21 +199,17 @@ def test_a_message_that_cannot_be_decoded_costs_itself(tmp_path):
     assert any('5 of the messages of /joint_states left out' in note for note in info.notes)
 
 
-@pytest.mark.parametrize('plugin', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-def test_a_compressed_file_alone_is_read(tmp_path, plugin):
-    folder = record(tmp_path / 'r', states(), plugin)
-    suffix = 'mcap' if plugin == StoragePlugin.MCAP else 'db3'
-    path = tmp_path / f'alone.{suffix}.zstd'
-    path.write_bytes(zstandard.compress((folder / f'r.{suffix}').read_bytes()))
-    samples, = read_recording(path)
-    assert len(samples) == 50
-
-
-def test_compressed_by_message_in_an_unfinished_file(tmp_path):
-    folder = record(tmp_path / 'r', states(), compression=CompressionMode.MESSAGE)
-    content = (folder / 'r.mcap').read_bytes()
-    (tmp_path / 'alone.mcap').write_bytes(content[:-200])
-    assert len(read_recording(tmp_path / 'alone.mcap')[0]) == 50
+@pytest.mark.parametrize(('plugin', 'name', 'change'), [
+    (StoragePlugin.MCAP, 'alone.mcap.zstd', zstandard.compress),
+    (StoragePlugin.SQLITE3, 'alone.db3.zstd', zstandard.compress),
+    # Compressed by message, and not finished.
+    (StoragePlugin.MCAP, 'alone.mcap', lambda content: content[:-200])])
+def test_a_compressed_or_unfinished_file_alone_is_read(tmp_path, plugin, name, change):
+    folder = record(tmp_path / 'r', states(), plugin,
+                    CompressionMode.MESSAGE if 'zstd' not in name else None)
+    content = next(path for path in folder.iterdir() if path.suffix != '.yaml').read_bytes()
+    (tmp_path / name).write_bytes(change(content))
+    assert len(read_recording(tmp_path / name)[0]) == 50
 
 
 def test_big_endian_messages_and_any_text_of_qos(tmp_path):
@@ -283,28 +281,18 @@ def test_the_writer_makes_what_rosbag2_reads(tmp_path):
         assert stamp == 1_000_000_000
 
 
-@pytest.mark.parametrize('compression', ['none', 'storage'])
-def test_a_recording_of_many_chunks_is_read_whole(tmp_path, compression):
-    with RecordingWriter(tmp_path / 'r', compression=compression) as recording:
-        write_states(recording, range(2000))
-    samples, = read_recording(tmp_path / 'r')
-    np.testing.assert_array_equal(samples.current, np.arange(2000.0))
-
-
-def test_what_follows_a_clock_that_was_set_back_is_left_out_and_said(tmp_path):
-    def stamp(k):
-        return 100_000_000_000 + k * 1_000_000 - (300_000_000 if k >= 600 else 0)
-    (samples, info), = read_recording_with_info(record(tmp_path / 'r', states(1000, stamp=stamp)))
-    np.testing.assert_array_equal(samples.position, np.arange(600.0))
-    assert any('400 joint states left out: stamp' in note for note in info.notes)
-
-
-def test_single_stamps_far_off_are_left_out(tmp_path):
-    def stamp(k):
-        return 100_000_000_000 + k * 1_000_000 + {70: 10**13, 200: -10**10}.get(k, 0)
-    (samples, info), = read_recording_with_info(record(tmp_path / 'r', states(400, stamp=stamp)))
-    np.testing.assert_array_equal(samples.position, np.delete(np.arange(400.0), [70, 200]))
-    assert any('2 joint states left out: stamp far off' in note for note in info.notes)
+@pytest.mark.parametrize(('stamp', 'kept', 'said'), [
+    # The clock is set back; single stamps are far off, or empty.
+    (lambda k: k - (300 if k >= 600 else 0), range(600), '400 joint states left out: stamp'),
+    (lambda k: k + {70: 10**7, 200: -10**4}.get(k, 0), np.delete(np.arange(1000), [70, 200]),
+     '2 joint states left out: stamp far off'),
+    (lambda k: -100_000 if k % 7 == 3 else k, np.flatnonzero(np.arange(1000) % 7 != 3),
+     '143 joint states left out: stamp far off')])
+def test_what_no_clock_in_order_says_is_left_out_and_said(tmp_path, stamp, kept, said):
+    messages = states(1000, stamp=lambda k: (100_000 + stamp(k)) * 1_000_000)
+    (samples, info), = read_recording_with_info(record(tmp_path / 'r', messages))
+    np.testing.assert_array_equal(samples.position, kept)
+    assert any(said in note for note in info.notes)
 
 
 def test_gaps_and_wraps_are_reported(tmp_path):

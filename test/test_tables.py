@@ -1,19 +1,343 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in tables: columns and units are recognised, and guesses are reported."""
+"""Files of tables: every kind holds the same, what is in them is read in SI units, or asked."""
 
+import gzip
+import json
 import math
+from pathlib import Path
 import warnings
 
+from helpers import printed_by
 import numpy as np
 import pytest
-from table_maker import write
+from recording_maker import DATA
+from scipy.io import savemat
+from scipy.io.matlab import MatlabOpaque
+from table_maker import swing, write
 
-from friction_comp import InputError, Layout, read_recording, Samples
+from friction_comp import InputError, Layout, read_frame, read_recording, Samples
 from friction_comp.__main__ import main
 from friction_comp.recordings import read_recording_with_info, recorded_joints, write_samples
-from friction_comp.tables.table_files import write_columns
+from friction_comp.tables.table_files import Table, write_columns
 from friction_comp.tables.table_recording import table_of
+
+CASES = DATA.with_name('cases')
+TURN = 2.0 * math.pi
+
+
+def records(path, t, q, tau):
+    path.write_text(json.dumps({'kp': 8.0, 'entries': [
+        {'timestamp': a, 'position': b, 'torque': c} for a, b, c in zip(t, q, tau)]}))
+
+
+def json_lines(path, t, q, tau):
+    path.write_text('\n'.join(json.dumps(
+        {'time': a, 'q': [0.0, b], 'tau': [1.0, c]}) for a, b, c in zip(t, q, tau)))
+
+
+def parquet(path, t, q, tau):
+    arrow, form = pytest.importorskip('pyarrow'), pytest.importorskip('pyarrow.parquet')
+    form.write_table(arrow.table({'timestamp': t, 'position': [[b, 0.0] for b in q],
+                                  'effort': [[c, 0.0] for c in tau]}), path)
+
+
+def dates(path, t, q, tau):
+    path.write_text('\n'.join(['time,q,tau', *(
+        f'2026-03-04T09:59:{10.0 + a:09.6f}Z,{b:.9f},{c:.9f}' for a, b, c in zip(t, q, tau))]))
+
+
+def hdf5(path, t, q, tau):
+    """As MATLAB 7.3 lays them out, with what is no column, and another clock."""
+    with pytest.importorskip('h5py').File(path, 'w') as file:
+        file.update({
+            'log/time': t[None], 'log/q': np.vstack((q, 2.0 * q)), 'log/tau': np.vstack(
+                (tau, 2.0 * tau)), 'log/remark': np.array([[102], [111]], np.uint16),
+            'log/image': np.zeros((9, 9, 9)), 'log/kp': np.array([[3.0]]),
+            'knee/time': t[:250], 'knee/q': q[:250]})
+
+
+def matlab(path, t, q, tau):
+    savemat(path, {'log': {'time': t, 'note': 'knee', 'joint': {'q': q[:, None], 'tau': tau}},
+                   'knee': {'t': t[:250], 'q': q[:250], 'tau': tau[:250]}})
+
+
+def decimal_commas(path, t, q, tau):
+    text = '\n'.join(['time;Winkel;tau [mNm]', *(f'{a:.3f};{b:.9f};{1e3 * c:.9f}'
+                                               for a, b, c in zip(t, q, tau))]).replace('.', ',')
+    path.write_bytes(gzip.compress(text.encode('utf-16')))
+
+
+ONE, OTHER = {}, {'joint': '1'}
+
+
+@pytest.mark.parametrize(('name', 'save', 'given'), [
+    ('log.json', records, ONE), ('log.csv', dates, ONE), ('log.parquet', parquet, {'joint': '0'}),
+    ('log.jsonl', json_lines, {'layout': Layout({'position': 'q_2', 'effort': 'tau_2'})}),
+    ('log.h5', hdf5, OTHER), ('log.mat', hdf5, OTHER),
+    ('log.csv.gz', decimal_commas, {'layout': Layout({'position': 'Winkel'})}),
+    ('log.npz', lambda path, t, q, tau: np.savez(path, t=t, q=np.column_stack((q, -q)), tau=(
+        np.column_stack((tau, -tau))), other=np.zeros(7), note=np.array(['x'] * len(t))), OTHER),
+    ('log.npy', lambda path, t, q, tau: np.save(path, np.rec.fromarrays(
+        (t, q, tau), names='t,q,tau')), ONE),
+    ('log.mat', matlab, {'layout': Layout({
+        'time': 'log.time', 'position': 'log.joint.q', 'effort': 'log.joint.tau'})})])
+def test_every_kind_of_file_holds_the_same(tmp_path, name, save, given):
+    time, position, velocity = swing()
+    save(tmp_path / name, time, position, velocity)
+    samples, = read_recording(tmp_path / name, **given)
+    np.testing.assert_allclose(samples.time, time, atol=2e-6)
+    np.testing.assert_allclose(samples.position, position, atol=1e-8)
+    np.testing.assert_allclose(samples.current, velocity, atol=1e-8)
+
+
+def test_objects_within_a_struct_of_matlab_are_no_columns(tmp_path, monkeypatch):
+    time, position, velocity = swing(500)
+    symbol = MatlabOpaque(np.array([(b'q', b'MCOS', b'sym', 3)], dtype=[
+        ('s0', 'O'), ('s1', 'O'), ('s2', 'O'), ('arr', 'O')]))
+    monkeypatch.setattr('scipy.io.loadmat', lambda *_, **__: {
+        'gen': {'q': symbol}, 't': time, 'q': position, 'tau': velocity})
+    (tmp_path / 'log.mat').write_bytes(b'')
+    assert len(read_recording(tmp_path / 'log.mat')[0]) == 500
+
+
+def test_an_episode_of_teleoperation_needs_the_rate_and_the_joint_only(tmp_path, refuses):
+    _, position, velocity = swing(500, 0.02)
+    wide = np.array([1.0, 2.0, 3.0])
+    with pytest.importorskip('h5py').File(tmp_path / 'episode.hdf5', 'w') as file:
+        file.update({
+            'observations/qpos': np.outer(position, wide), 'compress_len': np.ones((1, 500)),
+            'observations/qvel': np.outer(velocity, wide), 'observations/effort': np.tanh(
+                20.0 * np.outer(velocity, wide)), 'action': np.outer(position, wide) + 0.1,
+            'base_action': np.ones((500, 2)), 'observations/images/top': np.zeros((500, 90))})
+    samples, = read_recording(tmp_path / 'episode.hdf5', '2', layout=Layout(rate=50.0))
+    np.testing.assert_allclose(samples.time, 0.02 * np.arange(500))
+    np.testing.assert_allclose(samples.position, 2.0 * position)
+    np.testing.assert_allclose(samples.velocity, 2.0 * velocity)
+    np.testing.assert_allclose(samples.reference_position, 2.0 * position + 0.1)
+    assert samples.arm.joints == ('1', '2', '3')
+    refuses('or the rows per second with --rate HZ', 'refine', tmp_path / 'episode.hdf5')
+    refuses("several joints, name one with --joint: '1', '2', '3'", 'refine',
+            tmp_path / 'episode.hdf5', '--rate', '50')
+    refuses('no recording in this folder; tables must be named', 'refine', tmp_path)
+
+
+# Text. Each form is written for time, position, velocity.
+
+DOT, LIST = '{0:.3f},{1:.9f},{2:.9f}', '{0:.3f},"[{1:.9f}, {1}]","[{2:.9f}, {2}]"'
+BARE = Layout({'time': '1', 'position': '3', 'current': '4'})
+
+
+@pytest.mark.parametrize(('head', 'form', 'names', 'given'), [
+    *((f'{above}\ntime,q,tau', DOT, 'time q tau', ONE) for above in (
+        'Logger v3\nDate: 2026-03-04\n', 'sep=,', 'Knee', 'Export,of', '\n', 'Patient,7,left',
+        '# a comment\nMotion of a joint, measured,twice')),
+    *((f't{mark}q{mark}tau', mark.join(('{0:.3f}', '{1:.9f}', '{2:.9f}')), 't q tau', ONE)
+      for mark in (',', ';', '\t', ' ')),
+    # numpy.savetxt; units below the names; cells without a name; a name in quotes.
+    ('# time q tau', '{0:.3f}\t{1:.9f}\t{2:.9f}', 'time q tau', ONE),
+    ('Time,Angle,Torque\ns,rad,N·m', DOT, 'Time_[s] Angle_[rad] Torque_[N·m]', ONE),
+    ('time;q;tau\n[s];[rad];[Nm]', '{0:.3f};{1:.9f};{2:.9f}', 'time_[s] q_[rad] tau_[Nm]', ONE),
+    ('time,q,tau,,', f'{DOT},,', 'time q tau', ONE), ('"time","q","tau"', DOT, 'time q tau', ONE),
+    ('# time,q,tau,', f'{DOT},', 'time q tau', ONE),
+    ('time,q,tau,note', f'{DOT},"one\ntwo, three"', 'time q tau note', ONE),
+    ('time,q,tau,note', f'{DOT},"a ""word"""', 'time q tau note', ONE),
+    ('time,q,tau,note', f'{DOT},5"', 'time q tau note', ONE),
+    # Texts and lists in cells, without and with names.
+    ('% of a robot', '{0:.3f} OK {1:.9f} {2:.9f}', '1 2 3 4', {'layout': BARE}),
+    ('% of a robot', '{0:.3f},0x0,{1:.9f},{2:.9f}', '1 2 3 4', {'layout': BARE}),
+    ('% of a robot', '{0:.3f}, -, {1:.9f}, {2:.9f}, ', '1 2 3 4', {'layout': BARE}),
+    ('t,1,2,state', DOT + ',7', 't 1 2 state', {'layout': Layout(
+        {'position': '1', 'current': '2'})}),
+    ('time,q,tau', LIST, 'time q[0] q[1] tau[0] tau[1]', OTHER),
+    ('time,q,tau', '{0:.3f},"[ {1:.9f}\n {1}]",[{2:.9f} {2}]', 'time q[0] q[1] tau[0] tau[1]',
+     OTHER),
+    ('time;q;tau', '{0:.3f};[{1:.9f}, {1}];({2:.9f}, {2})', 'time q[0] q[1] tau[0] tau[1]', OTHER)])
+def test_every_form_of_text_holds_the_same(tmp_path, head, form, names, given):
+    time, position, velocity = swing(60, 0.01)
+    log = tmp_path / 'log.csv'
+    log.write_text('\n'.join([head, *(form.format(*row) for row in zip(time, position, velocity))]))
+    assert Table(log).names == [name.replace('_', ' ') for name in names.split()]
+    samples, = read_recording(log, **given)
+    for found, true in ((samples.time, time), (samples.position, position),
+                        (samples.current, velocity)):
+        np.testing.assert_allclose(found, true, atol=1e-8)
+
+
+def test_whole_numbers_have_no_decimal_comma(tmp_path):
+    (tmp_path / 'log.csv').write_text('t;q;tau\n0;0;0\n0,001;0,1;0,2\n')
+    np.testing.assert_array_equal(read_recording(tmp_path / 'log.csv')[0].current, [0.0, 0.2])
+
+
+def text(line):
+    def save(path, t, q):
+        path.write_text('\n'.join(['time;q;tau [mNm]', *(
+            f'{a:.3f};{b:.6f};1.5' for a, b in zip(t, q)), line]))
+    return save
+
+
+@pytest.mark.parametrize(('name', 'save', 'said'), [
+    ('log.csv.gz', lambda path, t, q: path.write_bytes(gzip.compress(b'1' * 10_000_000)),
+     'a line has more than'),
+    ('log.csv', text('9,0;0.1;3,314'), "'9,0' is not a number"),
+    ('log.csv', text('9.0;0.1;3,314'), "column 'tau [mNm]': '3,314' is not a number"),
+    ('log.csv', lambda path, t, q: path.write_text('\n'.join(['time;q;tau', *(
+        f'{k};{k};{k + 1},{k + 100}' for k in range(50))])), 'decimal mark, or of thousands'),
+    ('log.csv', lambda path, t, q: path.write_text('time,q,tau\n'), 'has no row below'),
+    ('log.csv', lambda path, t, q: write(path, time=np.nan * t, q=q, tau=q),
+     "column 'time' holds no time"),
+    ('log.csv', lambda path, t, q: write(path, time=t, q=q, tau=np.round(30.0 * q)),
+     "column 'tau' holds whole numbers: give its unit, --unit effort=2.69mA"),
+    ('log.csv', lambda path, t, q: write(
+        path, time=t, q=np.round(q / TURN * 2 ** 14) / 2 ** 14, tau=q),
+     'give its unit, --unit position=deg, turn, '),
+    ('log.npz', lambda path, t, q: path.write_text('time,q,tau'), 'not a readable table'),
+    ('log.mat', lambda path, t, q: path.write_text('time,q,tau'), 'not a readable table'),
+    ('log.xlsx', lambda path, t, q: path.write_text('PK'), 'save its sheet as CSV'),
+    ('log.bag', lambda path, t, q: path.write_text('#ROS'), 'rosbags-convert --src ')])
+def test_what_is_no_table_or_means_two_things_is_refused(tmp_path, name, save, said):
+    save(tmp_path / name, *swing()[:2])
+    with pytest.raises(InputError) as error:
+        read_recording(tmp_path / name)
+    assert said in str(error.value)
+
+
+def test_a_wide_sheet_is_read_in_time_that_grows_with_its_columns(tmp_path):
+    cells = ','.join(['0'] * 5000)
+    (tmp_path / 'log.csv').write_text('\n'.join([
+        'time,q,tau,' + ','.join(f'x_{k}' for k in range(5000)) + ',note', *(
+            f'{t:.2f},{math.sin(t)},{math.cos(t)},{cells},"a, quoted cell"'
+            for t in 0.01 * np.arange(100))]))
+    assert len(Table(tmp_path / 'log.csv').names) == 5004
+    assert len(read_recording(tmp_path / 'log.csv')[0]) == 100
+
+
+def test_a_refusal_comes_before_anything_slow_is_imported(tmp_path):
+    (tmp_path / 'log.csv').write_text('time,position\n0,1\n')
+    loaded = printed_by(f"""
+        import sys
+        from friction_comp.__main__ import main
+        assert main(['refine', {str(tmp_path / 'log.csv')!r}, '--output', 'no']) == 2
+        print(*sys.modules)""").split()
+    assert not {'scipy', 'numba', 'matplotlib', 'pandas'} & set(loaded)
+
+
+# Rows and times.
+
+@pytest.mark.parametrize('late', [0.0, 0.003])
+def test_files_with_a_signal_each_are_joined_by_a_plus(tmp_path, late):
+    time, position, velocity = swing(300, 0.01)
+    own = {} if not late else {'time': time}
+    np.savetxt(tmp_path / 'time.txt', time)
+    write(tmp_path / 'q.csv', **own, value=position)
+    write(tmp_path / 'tau.csv', **({'time': time + late} if late else {}), tau=velocity)
+    names = ['q.csv', 'tau.csv', *(['time.txt'] if not late else [])]
+    samples, = read_recording(Path('+'.join(str(tmp_path / name) for name in names)))
+    at = samples.time
+    np.testing.assert_allclose(samples.position, 0.4 * np.sin(2.0 * (at + late)), atol=2e-4)
+    np.testing.assert_allclose(samples.current, 0.8 * np.cos(2.0 * at), atol=1e-4)
+    assert len(samples) > 298
+
+
+def test_rows_that_hold_a_value_each_are_one_recording(tmp_path):
+    # As topics come: a position every 2 ms, an effort every 5 ms, and a hole in the positions.
+    t, e = 0.002 * np.arange(1500), 0.0013 + 0.005 * np.arange(600)
+    rows = [(s, f'{math.sin(s):.12g}', '') for s in t if not 1.0 < s < 1.2]
+    rows += [(s, '', f'{math.cos(s):.12g}') for s in e]
+    (tmp_path / 'log.csv').write_text('\n'.join(['time_s,elbow_pos,tau_meas', *(
+        f'{s:.9f},{q},{tau}' for s, q, tau in sorted(rows))]))
+    (samples, info), = read_recording_with_info(tmp_path / 'log.csv')
+    assert any('those with tau_meas are used' in note for note in info.notes)
+    kept = e[(e < 1.0) | (e > 1.2)]
+    np.testing.assert_allclose(samples.time, kept - kept[0], atol=1e-6)
+    np.testing.assert_allclose(samples.position, np.sin(kept), atol=1e-5)
+    np.testing.assert_allclose(samples.current, np.cos(kept), atol=1e-9)
+
+
+@pytest.mark.parametrize(('name', 'factor', 'low'), [
+    ('position [rad]', 1.0, -np.pi), ('angle_rad', 1.0, 0.0), ('q [deg]', 360.0 / TURN, -np.pi)])
+def test_positions_between_the_rows_of_an_effort_are_no_means_across_a_wrap(
+        tmp_path, name, factor, low):
+    def turning(time):
+        return 9.0 * np.sin(0.2 * time) + 0.3 * np.sin(1.3 * time)
+    slow = np.arange(0.0, 60.0, 0.05)
+    wrapped = low + np.mod(turning(slow) - low, TURN)
+    fast = slow[:-1] + 0.37 * 0.05
+    effort = np.sign(np.cos(0.2 * fast)) + 0.01 * np.random.default_rng(1).normal(size=len(fast))
+    lines = [(t, f'{t:.5f},{factor * q:.6f},') for t, q in zip(slow, wrapped)]
+    lines += [(t, f'{t:.5f},,{tau:.5f}') for t, tau in zip(fast, effort)]
+    (tmp_path / 'log.csv').write_text('\n'.join(
+        [f'time [s],{name},effort [Nm]', *(text for _, text in sorted(lines))]), encoding='utf-8')
+    (samples, info), = read_recording_with_info(tmp_path / 'log.csv')
+    off = samples.position - turning(samples.time + info.start)
+    assert np.ptp(off) < 0.01
+    # Whole turns, as of where it began.
+    assert np.mean(off) / TURN == pytest.approx(round(np.mean(off) / TURN), abs=0.01)
+
+
+def test_rows_of_one_joint_each_stay_as_they_were_measured(tmp_path):
+    time, position, velocity = swing(600, 0.005)
+    rows = [','.join((f'{t:.3f}', *['', ''] * (k % 2), repr(q), repr(v), *['', ''] * (1 - k % 2)))
+            for k, (t, q, v) in enumerate(zip(time, position.tolist(), velocity.tolist()))]
+    (tmp_path / 'log.csv').write_text('\n'.join(['t,q_1,tau_1,q_2,tau_2', *rows]))
+    for joint in (1, 2):
+        samples, = read_recording(tmp_path / 'log.csv', str(joint))
+        np.testing.assert_allclose(samples.current, velocity[joint - 1::2])
+
+
+def test_times_that_begin_anew_are_episodes(tmp_path):
+    time, position, velocity = swing(400, 0.01)
+    path = write(tmp_path / 'log.csv', time=np.tile(time, 3), q=np.tile(position, 3),
+                 tau=np.tile(velocity, 3))
+    (samples, info), = read_recording_with_info(path)
+    assert len(samples.segments()) == 3
+    assert any('times begin anew 2 times' in note for note in info.notes)
+
+
+@pytest.mark.parametrize('order', [[*range(299, -1, -1)], [113 * k % 300 for k in range(300)]])
+def test_rows_in_no_order_of_time_are_sorted(tmp_path, order):
+    time, position, velocity = swing(300, 0.04)
+    path = write(tmp_path / 'log.csv', t=time[order], q=position[order], tau=velocity[order],
+                 load=position[order])
+    (samples, info), = read_recording_with_info(path)
+    assert any('in no order of time' in note for note in info.notes)
+    for read, true in ((samples.time, time), (samples.position, position),
+                       (samples.current, velocity), (samples.load, position)):
+        np.testing.assert_allclose(read, true, atol=1e-9)
+
+
+@pytest.mark.parametrize(('per_second', 'unit'), [(1e3, 'ms'), (1e6, 'µs'), (1e9, 'ns')])
+def test_times_that_cannot_be_seconds_are_asked(tmp_path, refuses, per_second, unit):
+    time, position, velocity = swing(300, 0.004)
+    path = write(tmp_path / 'log.csv', t=np.round(per_second * time), q=position, tau=velocity)
+    refuses(f'for instance --unit time={unit}, or time=s', 'refine', path)
+    path = write(tmp_path / 'log.csv', **{'time [ms]': time, 'q': position, 'tau': velocity})
+    refuses('too close for this unit: give its unit, for instance --unit time=s', 'refine', path)
+    path = write(tmp_path / 'log.csv', t=1e3 * time, q=position, tau=velocity)
+    refuses('has rows 4 apart, which show no motion if these are seconds', 'refine', path)
+    for layout in (Layout(units={'time': 'ms'}), Layout(rate=250.0), Layout(
+            {'time': 't'}, {'time': 'counts/1000'})):
+        samples, = read_recording(path, layout=layout)
+        np.testing.assert_allclose(samples.time, time, atol=1e-9)
+
+
+def test_a_wrong_rate_is_told_with_the_true_one(tmp_path, refuses):
+    _, position, velocity = swing(6000, 0.005)
+    path = write(tmp_path / 'log.csv', q=position, dq=velocity, tau=velocity)
+    refuses('a rate that is really 0.25 times the one given', 'refine', path, '--rate', '800')
+
+
+def test_rows_without_a_number_are_left_out_and_warn_of_nothing(tmp_path):
+    time, position, velocity = swing()
+    path = write(tmp_path / 'log.csv', t=time, tau=velocity, q=np.where(
+        np.arange(2000) % 500 < 50, np.inf, position))
+    with warnings.catch_warnings():
+        warnings.simplefilter('error', RuntimeWarning)
+        samples, = read_recording(path)
+    assert len(samples) == 1800
+
+
+# Signals and units.
 
 SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature', 'command', 'direction',
            'reference_position', 'reference_velocity')
@@ -21,9 +345,7 @@ SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature', 'co
 
 def moving(count=2000, **changes):
     """Return samples of a joint that swings as a joint can; `make_samples` is noise."""
-    time = 0.001 * np.arange(count)
-    position = 0.4 * np.sin(2.0 * time)
-    velocity = 0.8 * np.cos(2.0 * time)
+    time, position, velocity = swing(count)
     samples = Samples(
         time=time, position=position, velocity=velocity, current=0.3 * np.tanh(20.0 * velocity),
         load=0.1 * velocity, temperature=20.0 + time, command=0.2 * np.sign(velocity),
@@ -32,9 +354,9 @@ def moving(count=2000, **changes):
     return samples.with_(**changes)
 
 
-def write_csv(path, samples, separator=',', names='t q dq tau', factors=(1.0, 1.0, 1.0, 1.0)):
+def write_csv(path, samples, names='t q dq tau', factors=(1.0, 1.0, 1.0, 1.0)):
     values = samples.time, samples.position, samples.velocity, samples.current
-    return write(path, separator, **{name: factor * own for name, factor, own in zip(
+    return write(path, **{name: factor * own for name, factor, own in zip(
         names.split(), factors, values)})
 
 
@@ -49,18 +371,15 @@ def assert_alike(found, wanted, signals=('time', 'position', 'velocity', 'curren
 def test_a_table_holds_all_that_the_recording_held(tmp_path, suffix):
     if suffix == 'parquet':
         pytest.importorskip('pyarrow')
-    wanted = moving()
-    path = tmp_path / f'log.{suffix}'
-    write_columns(path, table_of([wanted]))
-    (found, info), = read_recording_with_info(path)
-    assert_alike(found, wanted, SIGNALS)
+    write_columns(tmp_path / f'log.{suffix}', table_of([moving()]))
+    (found, info), = read_recording_with_info(tmp_path / f'log.{suffix}')
+    assert_alike(found, moving(), SIGNALS)
     assert info.joint == 'elbow'
     assert not any('guessed' in note for note in info.notes)
 
 
 def test_a_recording_becomes_a_table_and_a_recording_again(tmp_path, capsys):
-    wanted = moving(300)
-    write_samples(tmp_path / 'bag', wanted)
+    write_samples(tmp_path / 'bag', moving(300))
     assert main(['convert', str(tmp_path / 'bag'), '--output', str(tmp_path / 'log.csv')]) == 0
     assert main(['convert', str(tmp_path / 'log.csv'), '--output', str(tmp_path / 'again')]) == 0
     first, again = read_recording([tmp_path / 'bag', tmp_path / 'again'])
@@ -85,44 +404,24 @@ def test_a_converted_recording_keeps_its_date_and_the_joints_that_are_usable(tmp
     assert 'no finite effort' in capsys.readouterr().err
 
 
-def test_guessed_columns_are_reported(tmp_path):
+def test_guessed_columns_and_assumed_units_are_reported(tmp_path):
     path = write_csv(tmp_path / 'log.csv', moving(), names='t_ms q[deg] dq[deg/s] tau',
-                     factors=(1e3, 180 / np.pi, 180 / np.pi, 1.0))
+                     factors=(1e3, 360.0 / TURN, 360.0 / TURN, 1.0))
     (found, info), = read_recording_with_info(path)
     assert_alike(found, moving())
     said, = (note for note in info.notes if 'guessed' in note)
     assert 'time=t_ms in ms' in said
     assert 'position=q[deg] in deg' in said
-
-
-@pytest.mark.parametrize('separator', [',', ';', '\t', ' '])
-def test_any_separator_will_do(tmp_path, separator):
-    path = write_csv(tmp_path / 'log.csv', moving(), separator)
-    assert_alike(read_recording(path)[0], moving())
-
-
-def test_whole_numbers_have_no_decimal_comma(tmp_path):
-    (tmp_path / 'log.csv').write_text('t;q;tau\n0;0;0\n0,001;0,1;0,2\n')
-    samples, = read_recording(tmp_path / 'log.csv')
-    np.testing.assert_array_equal(samples.current, [0.0, 0.2])
-
-
-# A packed file is read in pieces of up to 128 kB.
-
-
-def test_columns_that_are_not_used_may_be_text(tmp_path):
-    one = moving()
-    np.savez(tmp_path / 'log.npz', t=one.time, q=one.position, tau=one.current,
-             remark=np.array(['x'] * len(one)))
-    assert len(read_recording(tmp_path / 'log.npz')[0]) == len(one)
+    assert info.assumed == ('tau in N·m',)
 
 
 @pytest.mark.parametrize(('units', 'factors'), [
-    ({'time': 'ms', 'position': 'deg', 'velocity': 'rpm'}, (1e3, 180 / np.pi, 30 / np.pi, 1.0)),
+    ({'time': 'ms', 'position': 'deg', 'velocity': 'rpm'},
+     (1e3, 360.0 / TURN, 60.0 / TURN, 1.0)),
     ({'position': 'counts/4096', 'velocity': 'counts/4096/s', 'effort': 'mNm'},
-     (1.0, 4096 / (2 * np.pi), 4096 / (2 * np.pi), 1e3)),
+     (1.0, 4096.0 / TURN, 4096.0 / TURN, 1e3)),
     ({'time': 'µs', 'position': 'turn', 'velocity': 'turn/s', 'effort': 'N·m'},
-     (1e6, 0.5 / np.pi, 0.5 / np.pi, 1.0))])
+     (1e6, 1.0 / TURN, 1.0 / TURN, 1.0))])
 def test_units_become_si(tmp_path, units, factors):
     path = write_csv(tmp_path / 'log.csv', moving(), factors=factors)
     assert_alike(read_recording(path, layout=Layout(units=units))[0], moving())
@@ -138,49 +437,101 @@ def test_a_current_is_not_divided_by_the_torque_constant(tmp_path):
                  moving(current=0.1 * moving().current))
 
 
+def test_a_percentage_stays_one(tmp_path):
+    time, position, velocity = swing(300)
+    path = write(tmp_path / 'log.csv', **{
+        't': time, 'q': position, 'dq [%]': velocity, 'Torque [%]': 7.5 * velocity})
+    (samples, info), = read_recording_with_info(path)
+    assert (info.effort_unit, samples.velocity) == ('%', None)
+    assert info.assumed == ('q in rad', 't in s')
+
+
 def test_joints_of_one_table_are_told_apart(tmp_path):
-    columns = {}
-    for k in (1, 2):
-        part = moving(current=k * moving().current)
-        columns.update({'t': part.time, f'q_{k}': part.position, f'tau_{k}': part.current})
-    np.savez(tmp_path / 'arm.npz', **columns)
-    assert recorded_joints(tmp_path / 'arm.npz') == ['1', '2']
-    np.testing.assert_allclose(read_recording(tmp_path / 'arm.npz', '2')[0].current,
-                               2 * moving().current)
-    named, = read_recording(tmp_path / 'arm.npz', layout=Layout(
-        {'position': 'q_2', 'effort': 'tau_2'}))
-    np.testing.assert_allclose(named.current, 2 * moving().current)
-    with pytest.raises(InputError, match="several joints, name one with --joint: '1', '2'"):
-        read_recording(tmp_path / 'arm.npz')
+    time, position, velocity = swing()
+    path = write(tmp_path / 'arm.csv', time=time, q_0=2.0 * position, q_1=position,
+                 i_0=np.sign(velocity) + position, i_1=0.5 * np.sign(velocity))
+    assert recorded_joints(path) == ['0', '1']
+    with pytest.raises(InputError, match="several joints, name one with --joint: '0', '1'"):
+        read_recording(path)
+    layout = Layout({'position': 'q_1', 'current': 'i_1'})
+    assert recorded_joints(path, layout) == ['1']
+    for given in ({'joint': '1'}, {'layout': layout}):
+        samples, = read_recording(path, **given)
+        assert (samples.joint, samples.arm.joints) == ('1', ('0', '1'))
+        np.testing.assert_allclose(samples.current, 0.5 * np.sign(velocity))
 
 
-@pytest.mark.parametrize(('arguments', 'said'), [
-    (['--columns', 'time'], 'SIGNAL=NAME'),
-    (['--columns', 'when=t'], "no signal 'when'"),
-    (['--columns', 'time=when'], "no column 'when'"),
-    (['--unit', 'position=furlong'], 'rad, mrad, deg'),
-    (['--unit', 'effort=furlong'], 'N, kN, lbf, A, mA'),
-    (['--unit', 'current=%'], 'A, mA'),
-    (['--unit', 'deg'], "--unit: 'deg' is not of the form SIGNAL=UNIT"),
-    (['--columns', 'effort=tau,current=tau'], 'both effort and current')])
-def test_errors_in_columns_arguments_say_what_is_valid(tmp_path, refuses, arguments, said):
-    refuses(said, 'evaluate', write_csv(tmp_path / 'log.csv', moving()), *arguments)
+def test_the_current_of_a_table_that_also_has_torques_is_named_for_all_joints(tmp_path):
+    time, position, velocity = swing(500)
+    path = write(tmp_path / 'log.csv', Time=time, Position1=position, Position2=2.0 * position,
+                 Torque1=velocity, Torque2=velocity, Cur1=3.0 * velocity, Cur2=2.0 * velocity)
+    for layout in (Layout(columns={'position': 'Position2', 'current': 'Cur2'}),
+                   Layout(columns={'current': 'Cur2'}), Layout(columns={'effort': 'Cur2'})):
+        for joint, size in (('2', 2.0), ('1', 3.0)):
+            samples, info = read_recording_with_info(path, joint=joint, layout=layout)[0]
+            assert info.effort_is_current
+            assert np.ptp(samples.current) == pytest.approx(size * np.ptp(velocity))
 
 
-@pytest.mark.parametrize(('unit', 'said'), [
-    ('deg', 'for instance position=deg'), ('ms', 'given as SIGNAL=UNIT'),
-    ('position:deg', 'for instance position=deg'), ('counts/4096', 'position=counts/4096')])
-def test_a_unit_alone_is_that_of_effort(refuses, unit, said):
-    refuses(said, 'refine', 'log.csv', '--unit', unit)
+@pytest.mark.parametrize('follows', [False, True])
+def test_the_effort_of_a_position_controller_follows_from_its_gains(tmp_path, follows):
+    time, position, velocity = swing(300)
+    target = {'target_position': position + 0.1, **({'target_velocity': velocity + 0.2}
+                                                    if follows else {})}
+    path = write(tmp_path / 'servo.csv', time=time, position=position, kp=np.full(300, 20.0),
+                 **target)
+    for gain in (20.0, 'kp'):
+        (samples, info), = read_recording_with_info(path, layout=Layout(
+            stiffness=gain, damping=0.5))
+        np.testing.assert_allclose(
+            samples.current[1:-1], 2.1 if follows else 2.0 - 0.5 * velocity[1:-1], atol=1e-3)
+        assert any('target velocity' in note for note in info.notes) == follows
 
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_torque_behind_the_gear_is_the_load_with_either_sign(tmp_path, sign):
+    """In N·m it is: of a current, whose share of it is fitted, it is no part."""
+    time, position, velocity = swing()
+    friction, carried = 2.0 * np.sign(velocity), 9.0 * np.sin(position)
+    columns = {'time': time, 'position': position, 'velocity': velocity,
+               'tau': friction + carried, 'link_torque': sign * carried}
+    (samples, info), = read_recording_with_info(write(tmp_path / 'log.csv', **columns))
+    np.testing.assert_allclose(samples.current + samples.load, friction, atol=1e-9)
+    assert any('is reversed' in note for note in info.notes) == (sign < 0)
+    for unit in ('A', '%'):
+        framed = read_frame(columns, Layout(units={'effort': unit}))
+        np.testing.assert_allclose(framed.load, -carried)
+        np.testing.assert_allclose(framed.current, columns['tau'])
+
+
+@pytest.mark.parametrize(('ratio', 'told'), [(100.0, True), (1.0, False)])
+def test_a_missing_gear_ratio_is_hinted_at(ratio, told):
+    time, position, velocity = swing()
+    carried, notes = 40.0 * np.sin(position), []
+    read_frame({'t': time, 'q': position, 'dq': velocity, 'link_torque': -carried,
+                'tau': (carried + 1.2 * np.sign(velocity)) / ratio}, notes=notes)
+    assert any('before a gear' in note for note in notes) == told
+
+
+def test_a_data_frame_means_the_same_as_a_file():
+    time, position, velocity = swing()
+    samples = read_frame({'t': time, 'q': position, 'dq': velocity, 'tau': velocity,
+                          'tau_cmd': 2.0 * velocity}, torque_constant=0.1, gear_ratio=10.0)
+    np.testing.assert_allclose(samples.command, 2.0 * velocity)
+    samples = read_frame({'target': position + 0.1, 'q': position},
+                         Layout(rate=1000.0, stiffness=20.0))
+    np.testing.assert_allclose(samples.time, time)
+    np.testing.assert_allclose(samples.current, 2.0)
+
+
+# Bags in other units, and of what is no table.
 
 def test_columns_and_units_of_what_is_no_table_are_not_ignored(tmp_path, refuses):
     write_samples(tmp_path / 'bag', moving(300))
     for option, value in (('--columns', 'position=q_2'), ('--unit', 'position=deg,time=ms'),
-                          ('--unit', 'position=deg,load=kN'), ('--rate', '100')):
+                          ('--unit', 'effort=V'), ('--rate', '100')):
         for tool in ('refine', 'evaluate', 'convert'):
             refuses('describe tables, and this is none', tool, tmp_path / 'bag', option, value)
-    refuses('effort, which is in N·m, N or A', 'refine', tmp_path / 'bag', '--unit', 'effort=V')
 
 
 @pytest.mark.parametrize(('unit', 'position', 'effort'), [
@@ -195,23 +546,26 @@ def test_messages_in_other_units_are_read_as_the_units_say(tmp_path, unit, posit
     assert_alike(*read_recording(tmp_path / 'bag', None, 0.05, 100, layout=layout), one)
 
 
-def test_what_is_no_number_in_a_table_is_named_and_warns_of_nothing(tmp_path, refuses):
-    one = moving()
-    position = np.where(np.arange(2000) % 500 < 50, np.inf, one.position)
-    path = write_csv(tmp_path / 'log.csv', one.with_(position=position))
-    with warnings.catch_warnings():
-        warnings.simplefilter('error', RuntimeWarning)
-        samples, = read_recording(path)
-    assert len(samples) == 1800
-    path = write(tmp_path / 'none.csv', t=np.full(300, np.nan), q=one.position[:300],
-                 tau=one.current[:300])
-    refuses("column 't' holds no time", 'refine', path)
-
-
-def test_commands_of_a_converted_recording_keep_their_unit(tmp_path):
-    one = moving(command=moving().current)
-    write_samples(tmp_path / 'bag', one, 0.1, 50.0)
-    assert main(['convert', str(tmp_path / 'bag'), '--output', str(tmp_path / 'log.csv')]) == 0
-    samples, = read_recording(tmp_path / 'log.csv', torque_constant=0.1, gear_ratio=50.0,
-                              layout=Layout({}, {'effort': 'N·m', 'command': 'A'}))
-    np.testing.assert_allclose(samples.command, samples.current, atol=1e-6)
+@pytest.mark.skipif(not CASES.is_dir(), reason='inputs from public reports are not here')
+@pytest.mark.parametrize(('file', 'layout', 'fact'), [
+    ('csv_trailing_commas/log.csv', {}, ('', 'N·m', 12000)),
+    ('lift_units/lift.csv', {'units': {'position': 'm', 'velocity': 'm/s', 'effort': '62N'}},
+     ('lift', 'N', 1500)),
+    ('lift_units/lift.csv', {'columns': {'effort': 'lift.motor.current'},
+                             'units': {'position': 'm', 'effort': '62N'}}, ('', 'N', 1500)),
+    ('volts/log.csv', {'columns': {'effort': '/Drive/LeftAppliedVolts'}, 'joint': 'Drive/Left'},
+     ('Drive/Left', 'V', 1260)),
+    ('gear_dynamometer/dyno.csv', {'units': {'effort': '100Nm'}}, ('', 'N·m', 4000)),
+    ('one_joint_of_arm_trusts/robot_data.csv', {'joint': '2'}, ('2', 'A', None)),
+    ('position_only_servo/servo.csv', {'stiffness': 20.0, 'damping': 0.5}, ('', 'N·m', 2000)),
+    ('file_forms/episode_000000.parquet', {
+        'columns': {'position': 'observation.state[0]', 'effort': 'observation.effort[0]'},
+        'units': {'position': 'deg', 'velocity': 'deg/s', 'effort': 'N·m'}}, ('0', 'N·m', None)),
+    ('file_forms/dyn', {}, ('elbow', 'A', None))])
+def test_inputs_of_public_reports_mean_what_they_say(file, layout, fact):
+    given = Layout(**layout)
+    (samples, info), = read_recording_with_info(
+        CASES / file, given.joint if fact[0] == '2' else None, layout=given)
+    unit = info.effort_unit or ('A' if info.effort_is_current else 'N' if info.linear else 'N·m')
+    assert (info.joint, unit) == fact[:2]
+    assert fact[2] in (None, len(samples))
