@@ -27,12 +27,12 @@ def number(value: float | int | None, digits: int = 3) -> str:
     return format(value, form).replace('-', '\u2212')
 
 
-def interval_text(ends: Sequence[float | None], digits: int = 3) -> str:
+def interval_text(ends: Sequence[float | None]) -> str:
     """Return an interval as text."""
     low, high = ends
     if low is None or high is None:
         return 'not determined'
-    return f'{number(low, digits)} to {number(high, digits)}'
+    return f'{number(low)} to {number(high)}'
 
 
 def quantity(value: float, unit: str) -> str:

@@ -134,12 +134,12 @@ def measured_and_predicted(labels: tuple[str, str], x: str, line: tuple[np.ndarr
 
 
 def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour: str,
-         label: str, style: str = '-') -> None:
+         label: str) -> None:
     """Draw a mean and a band around it, of half width `spread`, in a colour of COLOURS."""
     x, mean, spread = thin(x, mean, spread)
     axes.fill_between(
         x, mean - spread, mean + spread, color=COLOURS[colour], alpha=0.2, linewidth=0)
-    curve(axes, x, mean, colour, label, style)
+    curve(axes, x, mean, colour, label)
 
 
 def zero(axes: Axes) -> None:
