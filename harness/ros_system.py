@@ -11,7 +11,7 @@ import time
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
-from node_process import OFTEN, PATIENCE, Process, ROOT
+from node_process import PATIENCE, Process, ROOT
 import numpy as np
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -64,10 +64,8 @@ def own_domain():
 class Probe(Node):
     """A node that publishes and subscribes for a test."""
 
-    def __init__(self, context, use_sim_time=False):
-        overrides = [Parameter('use_sim_time', value=use_sim_time)]
-        super().__init__(
-            f'probe_{random.randrange(10**9)}', context=context, parameter_overrides=overrides)
+    def __init__(self, context):
+        super().__init__(f'probe_{random.randrange(10**9)}', context=context)
         self._executor_ = SingleThreadedExecutor(context=context)
         self._executor_.add_node(self)
         self.heard = {}
@@ -195,10 +193,10 @@ class Probe(Node):
 
 
 @contextmanager
-def probe_node(use_sim_time=False):
+def probe_node():
     context = Context()
     start_ros('probe', (), context)
-    node = Probe(context, use_sim_time)
+    node = Probe(context)
     try:
         yield node
     finally:
@@ -293,12 +291,11 @@ class FakeDriver:
     without a state are received, too, but are not answers.
     """
 
-    def __init__(self, probe, joints, qos=RELIABLE, prefix='', node='compensator'):
-        self.probe, self.joints, self.node = probe, joints, node
-        self._topic = f'{prefix}current_command'
-        self.states = probe.talk(JointState, f'{prefix}joint_states', qos)
-        self.directions = probe.talk(Int8MultiArray, f'{prefix}direction', qos)
-        self.commands = probe.listen(Float64MultiArray, self._topic)
+    def __init__(self, probe, joints, qos=RELIABLE):
+        self.probe, self.joints = probe, joints
+        self.states = probe.talk(JointState, 'joint_states', qos)
+        self.directions = probe.talk(Int8MultiArray, 'direction', qos)
+        self.commands = probe.listen(Float64MultiArray, 'current_command')
 
     @property
     def answers(self):
@@ -328,8 +325,8 @@ class FakeDriver:
 
     def rest(self):
         """Deactivate the node and wait for its zero command, and until its publisher is gone."""
-        if self.probe.state_of(self.node) == 'active':
-            assert self.probe.transition(self.node, 'deactivate')
+        if self.probe.state_of('compensator') == 'active':
+            assert self.probe.transition('compensator', 'deactivate')
             self.probe.until(lambda: self.commands and unasked(self.commands[-1])
                              and not self.commanders, 'a last command')
             assert not any(self.commands[-1].data)
@@ -338,11 +335,11 @@ class FakeDriver:
     @property
     def commanders(self):
         """Number of commanders to which this node is connected."""
-        return self.probe.subscribers[self._topic].get_publisher_count()
+        return self.probe.subscribers['current_command'].get_publisher_count()
 
     def activate(self):
         """Activate the node and wait until its commands can be received."""
-        assert self.probe.transition(self.node, 'activate')
+        assert self.probe.transition('compensator', 'activate')
         self.probe.until(lambda: self.commanders == 1, 'a publisher of current_command')
 
     def begin_anew(self):
@@ -354,12 +351,12 @@ class FakeDriver:
     def restore(self):
         """Reset the node, which was started with `START`, whatever a test has done with it."""
         self.probe.heard.get('/diagnostics', []).clear()
-        if self.probe.state_of(self.node) == 'unconfigured':
-            assert self.probe.transition(self.node, 'configure')
-        now = self.probe.get_parameters_of(self.node, list(CHANGED))
+        if self.probe.state_of('compensator') == 'unconfigured':
+            assert self.probe.transition('compensator', 'configure')
+        now = self.probe.get_parameters_of('compensator', list(CHANGED))
         for (name, value), changed in zip(CHANGED.items(), now):
             if changed != value:
-                assert self.probe.set_parameter(self.node, name, value) is None
+                assert self.probe.set_parameter('compensator', name, value) is None
         self.begin_anew()
 
     def announce(self, values):
@@ -376,13 +373,10 @@ class FakeDriver:
 
 
 @contextmanager
-def compensator(folder, direction=None, period=OFTEN, **parameters):
-    """Start a compensator of two joints, and yield the replacement of its driver.
-
-    It reports on /diagnostics every `period` s.
-    """
+def compensator(folder, direction=None, **parameters):
+    """Start a compensator of two joints, and yield the replacement of its driver."""
     with own_domain(), probe_node() as probe, Process(
-            folder, 'compensator', {**START, **parameters}, period=period) as process:
+            folder, 'compensator', {**START, **parameters}) as process:
         driver = FakeDriver(probe, JOINTS)
         driver.process = process
         driver.find(direction=direction)

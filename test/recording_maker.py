@@ -25,8 +25,8 @@ needs_data = pytest.mark.skipif(
     not DATA.is_dir(), reason='measured recordings are not here (FRICTION_COMP_DATA)')
 
 
-def make_samples(count=200, joint='elbow', seed=0, **changes):
-    random = np.random.default_rng(seed)
+def make_samples(count=200, **changes):
+    random = np.random.default_rng(0)
     time_ = np.arange(count) * 1e-3
     samples = Samples(
         time=time_, position=random.normal(size=count), velocity=random.normal(size=count),
@@ -34,7 +34,7 @@ def make_samples(count=200, joint='elbow', seed=0, **changes):
         temperature=20.0 + time_, command=random.normal(size=count),
         direction=np.sign(np.sin(40.0 * time_)).astype(int),
         reference_position=random.normal(size=count),
-        reference_velocity=random.normal(size=count), joint=joint)
+        reference_velocity=random.normal(size=count), joint='elbow')
     return samples.with_(**changes)
 
 
@@ -77,12 +77,11 @@ def record(path, messages, plugin=StoragePlugin.MCAP, compression=None, little_e
     return path
 
 
-def states(count=50, names=('elbow',), stamp=lambda k: 1_000_000_000 + k * 1_000_000,
-           velocity=True):
+def states(count=50, names=('elbow',), stamp=lambda k: 1_000_000_000 + k * 1_000_000):
     for k in range(count):
         values = [k + 100.0 * j for j in range(len(names))]
         yield '/joint_states', 5_000_000_000 + k * 1_000_000, joint_state(
-            stamp(k), names, values, values if velocity else [], [2.0 * v for v in values])
+            stamp(k), names, values, values, [2.0 * v for v in values])
 
 
 def write_states(recording, numbers):
@@ -95,7 +94,7 @@ def write_states(recording, numbers):
             recording.flush()
 
 
-def record_with_diagnostics(path, samples, changes, change=lambda message: None):
+def record_with_diagnostics(path, samples, changes):
     """Write samples with what a compensator says of itself once a second."""
     draft = path.with_name(f'{path.name}_draft')
     write_samples(draft, samples)
@@ -117,6 +116,5 @@ def record_with_diagnostics(path, samples, changes, change=lambda message: None)
                 header = types['std_msgs/msg/Header'](
                     types['builtin_interfaces/msg/Time'](second, 0), '')
                 message = types[kind](header, [status])
-                change(message)
                 recording.write('/diagnostics', kind, when, bytes(STORE.serialize_cdr(
                     message, kind)))

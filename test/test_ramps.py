@@ -103,8 +103,8 @@ def ramp(contact, slope=0.2, sign=1, before=-1, level=LEVEL, strengthening=0.0, 
         return end.value[0]
 
 
-def loose(backlash, distance=2e-4, link=0.2):
-    return Contact(distance, backlash, link)
+def loose(backlash):
+    return Contact(2e-4, backlash, 0.2)
 
 
 def evaluated(recorded):
