@@ -22,7 +22,7 @@ from mcap.stream_reader import breakup_chunk, StreamReader
 import zstandard
 
 from friction_comp.errors import InputError, one_line
-from friction_comp.files import check_unpacked, open_input, parse_yaml, read_yaml, unpacked_file
+from friction_comp.files import check_input, check_unpacked, open_input, read_yaml, unpacked_file
 
 AnyPath = str | PathLike[str]
 Message = tuple[str, str, int, bytes]
@@ -108,7 +108,9 @@ class Storage:
             about = read_yaml(self.path / METADATA, references=True)['rosbag2_bagfile_information']
             # Only the names, in this folder: metadata must not point outside of it.
             listed = [self.path / PurePath(name).name for name in about['relative_file_paths']]
-            self.add_custom(about)
+            custom = about.get('custom_data')
+            self.custom = {key: value for key, value in (custom or {}).items()
+                           if isinstance(key, str) and isinstance(value, str)}
         except Exception as error:
             if not files:
                 raise unreadable(self.path, f'{METADATA}: {one_line(error)}') from None
@@ -123,13 +125,6 @@ class Storage:
             self.notes.append(f'{len(listed) - len(found)} of its {len(listed)} files are missing: '
                               f'{missing}')
         return found
-
-    def add_custom(self, metadata: Any) -> None:
-        """Take over the texts in custom_data of rosbag2's metadata."""
-        custom = metadata.get('custom_data') if isinstance(metadata, dict) else None
-        if isinstance(custom, dict):
-            self.custom = {**{key: value for key, value in custom.items()
-                              if isinstance(key, str) and isinstance(value, str)}, **self.custom}
 
 
 def _read_mcap(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
@@ -149,11 +144,6 @@ def _read_mcap(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
             topic, kind = record.topic, schemas.get(record.schema_id, '')
             channels[record.id] = topic, kind, storage.declare(
                 topic, kind, wanted, record.message_encoding)
-        elif isinstance(record, records.Metadata) and record.name == 'rosbag2':
-            # Damaged metadata cost nothing that was measured.
-            with suppress(InputError):
-                storage.add_custom(parse_yaml(record.metadata.get(
-                    'serialized_metadata', ''), 'metadata', references=True))
 
 
 def _mcap_records(storage: Storage, file: Path) -> Iterator[Any]:
@@ -212,8 +202,7 @@ def _read_sqlite(storage: Storage, file: Path, wanted: Wanted, count: Counter[st
 
 def _connect(file: Path) -> sqlite3.Connection:
     """Open a database without writing beside it, unless it has a log that is not yet merged."""
-    with open_input(file) as stream:
-        logged = stream.read(20)[18:] == b'\x02\x02' and file.with_name(f'{file.name}-wal').exists()
+    logged = check_input(file).with_name(f'{file.name}-wal').exists()
     options = 'mode=ro' if logged else 'mode=ro&immutable=1'
     return sqlite3.connect(f'file:{quote(str(file.absolute()))}?{options}', uri=True)
 

@@ -29,7 +29,6 @@ Qos = dict[str, Any]
 # rosbag2's value of a duration that is not set.
 _INFINITE = {'sec': 9223372036, 'nsec': 854775807}
 _COMPRESSIONS = {'none': CompressionType.NONE, 'storage': CompressionType.ZSTD}
-_CHUNK = 1 << 20
 
 
 def qos_profile(reliability: str = 'reliable', durability: str = 'volatile') -> Qos:
@@ -66,16 +65,18 @@ class RecordingWriter:
         self.message_count = 0
         if self.path.exists():
             raise InputError(f'{self.path}: already exists, a recording needs a new folder')
+        self._name = f'{self.path.name}_0.mcap'
         with os_errors_name(self.path, 'cannot be written: '):
             self.path.mkdir(parents=True)
-            self._file = _SyncedFile(self.path / f'{self.path.name}_0.mcap')
-        self._mcap = Writer(
-            self._file, chunk_size=_CHUNK, enable_data_crcs=True,  # type: ignore[arg-type]
-            compression=_COMPRESSIONS[compression])
+            self._file = create(self.path / self._name)
+        # A thread syncs the file, since who records must not wait for the disk.
+        self._thread = ThreadPoolExecutor(1)
+        self._sync: Future[None] = self._thread.submit(lambda: None)
+        self._is_kept = False   # whether messages are on the disk
+        self._mcap = Writer(self._file, enable_data_crcs=True,
+                            compression=_COMPRESSIONS[compression])
         with self._closed_on_error():
             self._mcap.start(profile='ros2', library='friction_comp')
-            self._file.flush()
-            # Not synced: the caller is recording and must not wait for the disk.
             self._save_metadata(sync=False)
 
     def __enter__(self) -> RecordingWriter:
@@ -126,11 +127,18 @@ class RecordingWriter:
         self.message_count += 1
 
     def flush(self) -> None:
-        """End the current chunk and write it; raises InputError as `write` does."""
+        """End the current chunk and write it; raises InputError as `write` does.
+
+        Messages survive the end of this process from then on, and that of the machine once synced.
+        """
         if self._is_open:
             with self._closed_on_error():
                 self._mcap.flush()
                 self._file.flush()
+                self._is_kept = self.message_count > 0
+                if self._sync.done():
+                    self._sync.result()
+                    self._sync = self._thread.submit(os.fsync, self._file.fileno())
 
     def close(self) -> None:
         """Finish the recording; raises InputError if nothing was recorded, or the disk is full."""
@@ -145,18 +153,23 @@ class RecordingWriter:
                 'rosbag2', {'serialized_metadata': to_yaml(self._metadata())})
             self._mcap.finish()
             self._file.flush()
-            self._file.close()
+            # A failed sync is reported once by the system.
+            self._sync.result()
+            os.fsync(self._file.fileno())
+            self._close_file()
             self._save_metadata()
-        self._is_open = False
 
     def abort(self, keep: bool = False) -> None:
         """Close the file without an index, and delete the recording unless its chunks are kept."""
-        if self._is_open:
-            self._is_open = False
-            with suppress(OSError):
-                self._file.close()
+        with suppress(OSError):
+            self._close_file()
         if not keep:
             shutil.rmtree(self.path, ignore_errors=True)
+
+    def _close_file(self) -> None:
+        self._is_open = False
+        self._thread.shutdown()
+        self._file.close()
 
     @contextmanager
     def _closed_on_error(self) -> Iterator[None]:
@@ -164,7 +177,7 @@ class RecordingWriter:
         try:
             yield
         except (OSError, InputError) as error:
-            kept = '; what was written before can be read' if self._file.chunks else ''
+            kept = '; what was written before can be read' if self._is_kept else ''
             self.abort(keep=bool(kept))
             reason = getattr(error, 'strerror', None) or error
             raise InputError(f'{self.path}: cannot be written: {reason}{kept}') from None
@@ -173,16 +186,16 @@ class RecordingWriter:
         span = {'starting_time': {'nanoseconds_since_epoch': self._first},
                 'duration': {'nanoseconds': self._last - self._first},
                 'message_count': self.message_count}
-        name = self._file.path.name
         return {
-            'version': 9, 'storage_identifier': 'mcap', 'relative_file_paths': [name], **span,
+            'version': 9, 'storage_identifier': 'mcap', 'relative_file_paths': [self._name], **span,
             'topics_with_message_count': [{
                 'topic_metadata': {
                     'name': topic, 'type': own.kind, 'serialization_format': 'cdr',
                     'offered_qos_profiles': own.qos,
                     'type_description_hash': self._types.hash_rihs01(own.kind)},
                 'message_count': own.count} for topic, own in self._topics.items()],
-            'compression_format': '', 'compression_mode': '', 'files': [{'path': name, **span}],
+            'compression_format': '', 'compression_mode': '', 'files': [
+                {'path': self._name, **span}],
             'custom_data': self.custom_data or None, 'ros_distro': 'jazzy',
         }
 
@@ -197,57 +210,6 @@ class _Topic:
     qos: list[Qos]
     channel: int
     count: int = 0  # of its messages
-
-
-class _SyncedFile:
-    """A new file of whole blocks, which a thread syncs to the disk."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.chunks = 0     # blocks with messages that were written
-        self._file = create(path)
-        self._block, self._written = bytearray(), 0
-        self._thread = ThreadPoolExecutor(1)
-        self._sync: Future[None] = self._thread.submit(lambda: None)
-
-    def write(self, data: bytes) -> int:
-        if len(self._block) > _CHUNK:
-            self.flush()
-        self._block += data
-        return len(data)
-
-    def tell(self) -> int:
-        """Return the size, including what is not yet written."""
-        return self._written + len(self._block)
-
-    def flush(self) -> None:
-        """Write the block, and begin to sync unless that is under way; raises OSError if it fails.
-
-        Data survive the end of this process from then on, and that of the machine once synced.
-        """
-        remaining, self._block = memoryview(self._block), bytearray()
-        size = len(remaining)
-        try:
-            while remaining:
-                remaining = remaining[self._file.write(remaining):]
-        except OSError:
-            self._file.truncate(self._written)
-            raise
-        self.chunks += bool(size and self._written)
-        self._written += size
-        if self._sync.done():
-            self._sync.result()
-            self._sync = self._thread.submit(os.fsync, self._file.fileno())
-
-    def close(self) -> None:
-        """Sync and close the file; raises OSError if any sync failed."""
-        # A failed sync is reported once by the system.
-        self._thread.shutdown()
-        try:
-            self._sync.result()
-            os.fsync(self._file.fileno())
-        finally:
-            self._file.close()
 
 
 def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],

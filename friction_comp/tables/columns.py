@@ -92,6 +92,7 @@ class Reading:
     unit: str = ''          # as written; '' if there is none
     torque: bool = False    # whether the quantity is a torque or force
     measured: bool = False  # whether it says that it is: of effort and current, this one is used
+    aim: bool = False       # whether it says that it is a target or command
 
 
 @lru_cache(maxsize=65536)
@@ -129,7 +130,8 @@ def read_name(name: str) -> Reading:
         plain = not joint or words[joint[-1]][0] < max(map(bare.rfind, '.:/'))
         return Reading('time' if plain else '', unit=unit)
     return Reading(signal, tuple(lower[k] for k in joint), _label(bare, words, rest, joint), unit,
-                   quantity in ('effort', 'load'), bool(_SURELY & {*lower}))
+                   quantity in ('effort', 'load'), bool(_SURELY & {*lower}),
+                   bool(_TARGET & {*lower}))
 
 
 def _signal(quantity: str, words: list[str]) -> str:
@@ -202,12 +204,6 @@ def _parts(name: str) -> list[tuple[int, str]]:
             found.append((begin, word))
             begin += len(word)
     return found
-
-
-def is_target(name: str) -> bool:
-    """Return whether a name says that what it names is no measurement, but a target or command."""
-    words = {word.lower() for _, word in _parts(name)}
-    return bool((words | {word.removesuffix('s') for word in words}) & _TARGET)
 
 
 def plain_name(name: str) -> str:
@@ -593,7 +589,8 @@ def _notes(used: Sequence[Column], layout: Layout) -> list[str]:
         f'{first.joint}.{first.signal}'.lstrip('.') + f'={first.name}'
         + f' in {first.unit}' * bool(first.unit) + f' and {len(others)} alike' * bool(others)
         for first, *others in alike.values())
-    asked = [c.name for c in used if c.name in named and c.signal == 'effort' and is_target(c.name)]
+    asked = [c.name for c in used
+             if c.name in named and c.signal == 'effort' and read_name(c.name).aim]
     return [f'columns guessed from their names: {guesses} (override with --columns and --unit)'
             ] * bool(guesses) + [
                 f'{name}: by its name an effort that was asked for, not measured: friction is in '

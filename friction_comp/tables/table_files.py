@@ -172,10 +172,11 @@ class _Text:
             stream: Any = io.BufferedReader(Unpacked(self.path, file), 1 << 16) if (
                 self.path.name.lower().endswith('.gz')) else file
             head = stream.peek(1)
-            encoding = _encoding(head)
-            if b'\0' in head and encoding != 'utf-16':
+            wide = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+            if b'\0' in head and not wide:
                 raise InputError(f'{self.path}: not a text file')
-            text = io.TextIOWrapper(stream, encoding=encoding, errors='replace', newline='')
+            text = io.TextIOWrapper(stream, encoding='utf-16' if wide else 'utf-8-sig',
+                                    errors='replace', newline='')
             begun = False
             while line := text.readline(_LONGEST):
                 if len(line) == _LONGEST:
@@ -211,17 +212,6 @@ class _Text:
                                  'other numbers have a comma: write one of them')
             cells = [cell.replace(',', '.') for cell in cells]
         return to_numbers(np.array(cells, dtype=object), name, self.path)
-
-
-def _encoding(head: bytes) -> str:
-    """Return the encoding: with a wrong one, the ° and µ of units would be lost."""
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return 'utf-16'
-    try:
-        codecs.getincrementaldecoder('utf-8')().decode(head)
-    except UnicodeDecodeError:
-        return 'cp1252'
-    return 'utf-8-sig'
 
 
 def _is_number(cell: str) -> bool:
