@@ -44,7 +44,7 @@ TOOLS = {
     'predict': 'writes measured and predicted current of a recording',
 }
 USAGE = '\n'.join([
-    'usage: python3 -m friction_comp [--help] [--version] [--completion] NAME [ARGUMENT ...]',
+    'usage: python3 -m friction_comp [--help] [--version] NAME [ARGUMENT ...]',
     '',
     'nodes (they take ROS arguments after --ros-args):',
     *(f'  {name:<15} {text}' for name, text in NODES.items()),
@@ -52,16 +52,6 @@ USAGE = '\n'.join([
     'tools (--help lists the arguments of each):',
     *(f'  {name:<15} {text}' for name, text in TOOLS.items()),
 ])
-COMPLETION = f"""_friction_comp() {{
-  local word=${{COMP_WORDS[COMP_CWORD]}}
-  if [ "$COMP_CWORD" = 1 ]; then
-    COMPREPLY=($(compgen -W '{' '.join((*NODES, *TOOLS))}' -- "$word"))
-  elif [ "${{word#-}}" != "$word" ]; then
-    local options=$("$1" "${{COMP_WORDS[1]}}" --help | grep -o -- '--[a-z-]*' | sort -u)
-    COMPREPLY=($(compgen -W "$options" -- "$word"))
-  fi
-}}
-complete -o default -F _friction_comp friction_comp"""
 NODE_USAGE = """usage: python3 -m friction_comp {name} [--help] [--ros-args ...]
 
 {text}
@@ -134,8 +124,7 @@ def main(argv: list[str] | None = None) -> int:
     first = argv[0] if argv else None
     if first in NODES or first in TOOLS:
         return run(first, argv[1:])
-    answers = {'-h': USAGE, '--help': USAGE, '--completion': COMPLETION,
-               '--version': f'friction_comp {__version__}'}
+    answers = {'-h': USAGE, '--help': USAGE, '--version': f'friction_comp {__version__}'}
     with tolerant_output():
         if first in answers:
             print(answers[first])
