@@ -130,7 +130,6 @@ def test_a_target_has_the_unit_of_what_it_is_the_target_of():
     (['t', 'Position [ticks]', 'tau'], Layout({'position': 'Position [ticks]'}),
      'with --unit position=counts/4096'),
     (['t [counts]', 'q', 'tau'], None, "'counts' does not tell what a time of 1 is"),
-    (['t', 'q', 'x'], Layout({'effort': 'x'}), "'x': its name tells no unit: say what one of it"),
     (['t', 'q', 'tau'], Layout(stiffness='gain'), "no column 'gain'")])
 def test_what_is_not_clear_is_asked_with_the_remedy(names, layout, said):
     with pytest.raises(InputError) as error:
@@ -138,13 +137,19 @@ def test_what_is_not_clear_is_asked_with_the_remedy(names, layout, said):
     assert said in str(error.value)
 
 
-def test_a_name_may_be_given_without_its_unit_and_a_unit_with_a_name_that_says_none():
+def test_a_name_may_be_given_without_its_unit():
     named = Layout(stiffness='kp', damping=1.0).naming(['t', 'kp [N·m/rad]'], 'log')
     assert (named.stiffness, named.damping) == ('kp [N·m/rad]', 1.0)
-    names = ['t', 'q', 'field.data']
-    use = assign(names, Layout({'effort': 'field.data'}, {'effort': 'mA'}), 'log')
+
+
+@pytest.mark.parametrize('name', ['x', '3', 'output', 'field.data'])
+def test_the_unit_of_an_effort_whose_name_tells_none_is_asked(name):
+    names = ['t', 'q', name]
+    with pytest.raises(InputError, match=f'{name}.*--unit effort=N·m'):
+        assign(names, Layout({'effort': name}), 'log')
+    use = assign(names, Layout({'effort': name}, {'effort': 'mA'}), 'log')
     assert use.of('effort', '').factor == pytest.approx(1e-3)
-    assert assign(names, Layout({'current': 'field.data'}), 'log').effort_is_current
+    assert assign(names, Layout({'current': name}), 'log').effort_is_current
 
 
 @pytest.mark.parametrize(('name', 'said'), [('hip_cmd_Nm', True), ('hip_tau_Nm', False)])

@@ -489,7 +489,7 @@ def test_the_effort_of_a_position_controller_follows_from_its_gains(tmp_path, fo
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_a_torque_behind_the_gear_is_the_load_with_either_sign(tmp_path, sign):
+def test_the_torque_behind_the_gear_is_the_load_with_either_sign(tmp_path, sign):
     """In N·m it is: of a current, whose share of it is fitted, it is no part."""
     time, position, velocity = swing()
     friction, carried = 2.0 * np.sign(velocity), 9.0 * np.sin(position)
