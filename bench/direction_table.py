@@ -21,8 +21,7 @@ from friction_comp import CompensationLaw
 from friction_comp.direction.announced import DesiredMotion
 from friction_comp.direction.force_sensor import CALIBRATION_TIME, ForceDirection
 from friction_comp.simulation.cheap_sensors import CheapForce
-from law_judge.bank import Bank, Joints
-from law_judge.model import true_models
+from law_judge.bank import Bank, Joints, true_models
 from world import gear as world
 from world.person import nobody
 

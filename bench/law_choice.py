@@ -6,9 +6,9 @@
     python3 docs/generate.py laws laws.json
 
 The rows of `law_table` on to-and-fro at three tempos and on letting go (models up to 1.05 times the
-truth), for the laws and the rivals that one may choose among.
-The second command writes them into docs/results.md. Even seeds are for tuning
-on, odd seeds are kept for judging. It takes a few minutes of processor time.
+truth), for the laws and the rivals that one may choose among. The second command writes them into
+docs/results.md. Even seeds are for tuning on, odd seeds are kept for judging. It takes a few
+minutes of processor time.
 """
 
 import json
@@ -17,21 +17,17 @@ from pathlib import Path
 from bench_tools import table_parser
 import numpy as np
 
+from law_judge.alone import watch_release
 from law_judge.bank import Joints, make_bank
-from law_judge.loop import KINETIC, TANH
-from law_judge.release import watch_release
-from law_judge.to_and_fro import swaying
+from law_judge.hands import swaying
+from law_judge.loop import KINETIC, TANH, YARDSTICKS
 from world import gear
 
 FREQUENCIES = (0.3, 0.6, 1.0)    # Hz
-# How a model comes by the gear's presliding distance, or does not.
-MODELS = {'identified': lambda bank: bank.telling(True), 'unmeasured': lambda bank:
-          bank.telling(False)}
-# Law, how its direction comes, and its model.
-WAYS = {'announced': ('continuous', 'announced', 'identified'),
-        'unknown': ('continuous', 'd = 0', 'identified'),
-        'unmeasured': ('continuous', 'd = 0', 'unmeasured'), 'tanh': (TANH, 'd = 0', 'unmeasured'),
-        'kinetic': (KINETIC, 'd = 0', 'unmeasured')}
+# Whether the gear's presliding distance is known; law and how its direction comes, by name.
+WAYS = {True: {'announced': ('continuous', 'announced'), 'unknown': ('continuous', 'd = 0')},
+        False: {'unmeasured': ('continuous', 'd = 0'), TANH: (TANH, 'd = 0'),
+                KINETIC: (KINETIC, 'd = 0')}}
 
 
 def main():
@@ -40,27 +36,23 @@ def main():
     options = parser.parse_args()
     found, gone = {}, {}
     bank = make_bank(gear, gear.KINDS, options.draws, options.seed)
-    gears = len(bank.gears)
-    for model, made in MODELS.items():
-        told = made(bank)
-        joints, removed = swaying(told, FREQUENCIES)
-        for way, (law, how, needs) in WAYS.items():
-            if needs == model:
-                share = removed(law, how)
-                found[way] = [share[joints['frequency'] == f] for f in FREQUENCIES]
-                gone[way] = watch_release(Joints(
-                    told, speed=[5, 40, 80], direction=[int(how == 'announced')],
-                    factor=[1.0, 1.05]), law)['moving'].tolist()
-    laws = {way: [[float(figure(share)) for figure in (np.nanmedian, np.nanmin)]
-                  for share in parts] for way, parts in found.items()}
-    moving = {way: [sum(own), len(own)] for way, own in gone.items()}
-    for way, row in laws.items():
-        print(f'{way:12s}' + ''.join(f'{median:6.0f} ({worst:.0f}) %' for median, worst in row)
-              + '   let go, moves on: {} of {}'.format(*moving[way]))
+    for known, ways in WAYS.items():
+        told = bank.telling(known)
+        tried = {name: way for name, way in ways.items() if name not in YARDSTICKS}
+        joints, shares = swaying(told, FREQUENCIES, tried)
+        for name, (law, how) in ways.items():
+            found[name] = [[float(figure(shares[name][joints['frequency'] == f]))
+                            for figure in (np.nanmedian, np.nanmin)] for f in FREQUENCIES]
+            moving = watch_release(Joints(told, speed=[5, 40, 80], factor=[1.0, 1.05],
+                                          direction=[int(how == 'announced')]), law)['moving']
+            gone[name] = [int(moving.sum()), len(moving)]
+            print(f'{name:12s}' + ''.join(f'{median:6.0f} ({worst:.0f}) %'
+                                          for median, worst in found[name])
+                  + '   let go, moves on: {} of {}'.format(*gone[name]), flush=True)
     if options.output:
         options.output.write_text(json.dumps({
-            'seed': options.seed, 'draws': options.draws, 'gears': gears,
-            'frequencies': FREQUENCIES, 'laws': laws, 'moving': moving}, indent=1) + '\n',
+            'seed': options.seed, 'draws': options.draws, 'gears': len(bank.gears),
+            'frequencies': FREQUENCIES, 'laws': found, 'moving': gone}, indent=1) + '\n',
             encoding='utf-8')
 
 

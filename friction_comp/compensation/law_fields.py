@@ -36,7 +36,6 @@ class Parameters:
     gain: float             # share of breakaway at rest
     share: float            # share of friction that is fed forward
     distance: float         # R, rad
-    turn_distance: float    # behind the farthest point: there a joint has turned, rad
     slip: float             # more than the gear yields under the preload, rad
     identified: float       # fastest identified speed, rad/s
     lowest: float           # position limits, rad; none if they are equal

@@ -186,8 +186,6 @@ def decide(p: Parameters, s: State, direction: float, end: float, is_pushed: boo
         positive = s.z > 0.0
         level = friction_level(p, s, positive, forward if positive else -backward)
         friction = s.trust * share * level * s.z
-        if s.heading * s.z < 0.0 and s.aim * s.z <= 0.0 and p.law != DESIRED:
-            friction = 0.0      # Before the turn this is a gear that springs back, not a push.
     s.friction = safe(p, s, friction)
     largest = max(p.upper, -p.lower, p.break_positive, p.break_negative) + max(
         0.0, forward, -backward)

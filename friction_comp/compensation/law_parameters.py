@@ -143,4 +143,3 @@ def _set_distances(p: np.ndarray, model: FrictionModel) -> None:
             distance = max(distance, LONGER * reversal)
     distance += 2.0 * count
     p['resolution'], p['distance'], p['slip'] = count, distance, slip + 4.0 * count
-    p['turn_distance'] = distance * (0.5 if knows_presliding(model) else 2.0)

@@ -152,12 +152,12 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
 
 @njit(cache=True)
 def _note_way(p: Parameters, s: State) -> None:
-    """Note how far this way has gone, and where another one begins: beyond what a gear springs.
+    """Note how far this way has gone, and where another one begins: R behind its farthest point.
 
-    A joint that rested is on its way when it moves at all.
+    Half of that where help was given back before; a joint that rested, when it moves at all.
     """
     beyond = s.position - s.farthest
-    width = p.turn_distance if s.way == SLOWED else max(p.distance, p.turn_distance)
+    width = (0.5 if s.way == SLOWED else 1.0) * p.distance
     if s.heading == 0.0 and s.mode != LEADING:
         width = STILL * p.distance + 1.5 * p.resolution
     if beyond * s.heading > 0.0:
