@@ -1,18 +1,25 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Drive, samples, sigmoid, statistics, and the checks of numbers from outside."""
+"""Samples, sigmoid and its fit, differentiation, statistics, and checks of numbers from outside."""
 
+from dataclasses import replace
 import math
 
+from helpers import sines
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
+from test_prepare import swings
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
+from friction_comp.identification.curves import fit_sigmoid, sigmoid_error
+from friction_comp.model.differentiation import differentiate, prepared_signal
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 from friction_comp.statistics import holm, top_speed
+
+# Drive, samples, sigmoid, statistics, and the checks of numbers from outside.
 
 # Eq. 11 with the rows of configurations 2 and 3 in the order its own text asks for; test_docs.py
 # says that they are swapped.
@@ -112,3 +119,168 @@ def test_the_smallest_step_is_the_encoders_and_zero_without_motion():
         nothing = np.zeros(len(position))
         samples = Samples(time=nothing, position=np.array(position), current=nothing)
         assert samples.position_step == pytest.approx(step)
+
+
+# The L1 fit of Eq. 6, and its comparison with the look-up table that it was fitted to.
+
+# Of configuration 2, the steepest of the note.
+NOTE = 0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027
+TABLE = np.radians([1, 2, 3, 5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100])
+TABLE = np.concatenate([-TABLE[::-1], TABLE])
+
+
+def random_drive(seed):
+    """Return a random curve and its table: up to 50 speeds, noise of several kinds."""
+    random = np.random.default_rng(seed)
+    speeds = np.radians(np.unique(np.round(
+        np.append(random.uniform(0.5, 100.0, random.integers(4, 25)), 100.0), 2)))
+    speeds = np.concatenate([-speeds[::-1], speeds])
+    sigmoid = Sigmoid(
+        upper=random.uniform(0.05, 0.5), lower=-random.uniform(0.05, 0.5),
+        steepness=math.degrees(1.0) * 10.0 ** random.uniform(-1.3, 0.7),
+        shift=math.radians(1.5 * random.normal()), viscous=random.uniform(0.0, 0.3))
+    noise = random.normal if seed % 2 else (lambda size: random.standard_t(2, size))
+    scatter = 10.0 ** random.uniform(-4.5, -2.0) * noise(size=speeds.size)
+    return sigmoid, speeds, sigmoid(speeds) + scatter
+
+
+# Of curves that push nowhere: the fit must not, either.
+@pytest.mark.parametrize('seed', [0, 2, 4, 10])
+def test_no_curve_is_nearer_to_a_table_than_its_fit(seed):
+    """Neither the true one, which a local minimum would miss, nor one beside the fit."""
+    truth, speeds, currents = random_drive(seed)
+    found, error = fit_sigmoid(speeds, currents)
+    assert error == pytest.approx(sigmoid_error(found, speeds, currents))
+    assert error <= 1.001 * sigmoid_error(truth, speeds, currents)
+    for name in ('upper', 'lower', 'steepness', 'shift', 'viscous'):
+        value = getattr(found, name)
+        for changed in (value + 1e-3, value - 1e-3, 1.01 * value, 0.99 * value):
+            other = replace(found, **{name: changed})
+            assert error <= 1.001 * sigmoid_error(other, speeds, currents), (name, changed)
+
+
+@pytest.mark.slow
+def test_transition_that_the_table_does_not_resolve_is_centred_and_gentle():
+    truth = Sigmoid(upper=0.2, lower=-0.2, steepness=2000.0, shift=0.008, viscous=0.05)
+    speeds = np.concatenate([-TABLE[TABLE > 0][::-1], TABLE[TABLE > 0]])
+    found, error = fit_sigmoid(speeds, truth(speeds))
+    assert error < 1e-6
+    assert found.shift == 0.0
+    assert abs(float(found(0.0))) < 1e-6
+    assert found.steepness < truth.steepness
+
+
+def test_a_resolved_shift_is_kept_and_an_outlier_does_not_bend_the_curve():
+    truth = Sigmoid(upper=0.2, lower=-0.15, steepness=60.0, shift=0.03, viscous=0.05)
+    currents = truth(TABLE)
+    currents[5] += 0.1
+    found, error = fit_sigmoid(TABLE, currents)
+    assert error == pytest.approx(0.1, rel=0.01)
+    np.testing.assert_allclose(found(TABLE), truth(TABLE), atol=1e-3)
+    assert found.shift == pytest.approx(0.03, abs=1e-3)
+    assert found.steepness == pytest.approx(60.0, rel=0.01)
+
+
+@pytest.mark.parametrize(('speeds', 'currents'), [
+    ([1.0, 2.0], [1.0, 2.0]), ([-1.0, 1.0, 2.0], [0.0, 1.0, 1.0]),
+    ([-2.0, -1.0, 1.0, math.nan], [0.0] * 4), ([-2.0, -1.0, 1.0, 2.0], [0.0] * 3)])
+def test_bad_tables_are_refused(speeds, currents):
+    with pytest.raises(InputError, match='look-up table'):
+        fit_sigmoid(speeds, currents)
+
+
+@pytest.mark.parametrize('speeds', [[15, 60], [10, 40, 100], [4, 8, 15, 25, 40, 60, 80, 100]])
+@pytest.mark.parametrize('noise', [0.001, 0.01])
+def test_noise_does_not_make_friction_push_below_the_lowest_speed(speeds, noise):
+    truth = Sigmoid.from_coefficients(NOTE, 'deg/s')
+    table = np.radians(np.concatenate([-np.array(speeds)[::-1], speeds]))
+    for seed in range(3):
+        scatter = noise * np.random.default_rng(seed).standard_normal(len(table))
+        found, _ = fit_sigmoid(table, truth(table) + scatter * truth(table).max())
+        slow = 0.3 * table[[len(speeds) - 1, len(speeds)]]
+        assert (found(slow) * slow > 0.0).all()
+
+
+@pytest.mark.parametrize('speeds', [[5, 50], [80, 100], [10, 40, 100]])
+def test_two_or_three_speeds_tell_coulomb_and_viscous_friction(speeds):
+    truth = Sigmoid.from_coefficients(NOTE, 'deg/s')
+    table = np.radians(np.concatenate([-np.array(speeds)[::-1], speeds]))
+    far = np.radians([-100.0, -20.0, -5.0, 5.0, 20.0, 100.0])
+    for seed in range(4):
+        scatter = 1e-3 * np.random.default_rng(seed).standard_normal(len(table))
+        found, _ = fit_sigmoid(table, truth(table) * (1.0 + scatter))
+        np.testing.assert_allclose(found(far), truth(far), rtol=0.07)
+
+
+# Velocity and acceleration from recorded positions with regular and irregular stamps.
+
+SETTINGS = {'source': 'position', 'bandwidth': 20.0}
+
+
+def moved(time):
+    return sines(time, ((0.8, 2.0, 0.3), (0.2, 7.0, 1.1)))
+
+
+@pytest.mark.parametrize('late', [True, False])
+@pytest.mark.parametrize(('jitter', 'lost'), [(0.05, []), (0.3, []), (0.0, [700, 701, 1100])])
+def test_uneven_stamps_and_lost_samples_do_not_blur_the_motion(late, jitter, lost):
+    """Whether the samples came unevenly, or only their stamps did."""
+    rng = np.random.default_rng(3)
+    even = np.delete(np.arange(4000) * 1e-3, lost)
+    stamps = even + jitter * 1e-3 * rng.uniform(-1.0, 1.0, len(even))
+    position, velocity, acceleration = moved(even if late else stamps)
+    found = differentiate(Samples(time=stamps, position=position, current=0 * even), SETTINGS)
+    inner = slice(200, -200)
+    assert np.max(np.abs(found.velocity - velocity)[inner]) < 0.01 * np.ptp(velocity)
+    assert np.max(np.abs(found.acceleration - acceleration)[inner]) < (
+        0.05 if lost else 0.03 if late else 0.03 + 0.25 * jitter) * np.ptp(acceleration)
+
+
+def test_samples_that_arrive_together_are_no_burst_of_acceleration():
+    samples = swings(8, duration=20.0)
+    stamps = samples.time.copy()
+    # Every hundredth message is delayed until the next one.
+    stamps[100::100] = stamps[101::100] - 1e-6
+    settings = {'source': 'velocity', 'bandwidth': None}
+    late = differentiate(samples.with_(time=stamps), settings)
+    assert np.abs(late.acceleration).max() < 5.0 * np.abs(samples.acceleration).max()
+    even = differentiate(samples, settings)
+    assert even.acceleration[5:-5] == pytest.approx(samples.acceleration[5:-5], abs=0.02)
+
+
+def test_the_acceleration_of_a_measured_velocity_is_that_of_fast_motion():
+    """At a fifth of the rate, with stamps as uneven as a bus makes them."""
+    time = np.cumsum(np.where(np.arange(3000) % 3, 1.0, 1.4)) * 4e-3
+    velocity = np.sin(2.0 * np.pi * 40.0 * time + 0.1)
+    found = differentiate(Samples(time=time, position=0.0 * time, current=0.0 * time,
+                                  velocity=velocity), {'source': 'velocity', 'bandwidth': None})
+    true = 80.0 * np.pi * np.cos(2.0 * np.pi * 40.0 * time + 0.1)
+    assert np.sqrt(np.mean((found.acceleration - true)[5:-5] ** 2)) < 0.1 * 80.0 * np.pi
+
+
+def slow_signal(time):
+    return np.sin(2.0 * time) + 0.5 * np.cos(5.0 * time)
+
+
+@pytest.mark.parametrize('rest', [False, True])
+def test_a_value_that_is_held_is_interpolated_and_a_signal_at_rest_stays(rest):
+    time = np.arange(2000) * 1e-3
+    truth = np.where(rest & (time > 0.7) & (time < 1.3), slow_signal(0.7), slow_signal(time))
+    held = truth[np.arange(len(time)) // 20 * 20]
+    samples = Samples(time=time, position=time, current=0 * time, load=held)
+    found = prepared_signal(samples, held)
+    smooth = slice(0, 1980) if not rest else slice(0, 1250)
+    assert np.abs(found - truth)[smooth].max() < 0.1 * np.abs(held - truth)[smooth].max() + (
+        0.02 * rest)
+
+
+def test_a_measured_signal_is_freed_of_noise_and_keeps_what_is_missing():
+    time = np.arange(4000) * 1e-3
+    noisy = slow_signal(time) + np.random.default_rng(1).standard_normal(len(time))
+    noisy[1000:1010] = np.nan
+    samples = Samples(time=time, position=time, current=0 * time, load=noisy)
+    found = differentiate(samples, {**SETTINGS, 'signals': {'load': {'bandwidth': 5.0}}}).load
+    assert np.isnan(found[1000:1010]).all()
+    assert np.isfinite(found).sum() == 3990
+    error = (found - slow_signal(time))[200:-200]
+    assert np.sqrt(np.nanmean(error ** 2)) < 0.15
