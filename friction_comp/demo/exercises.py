@@ -15,7 +15,6 @@ from friction_comp.demo import pages
 from friction_comp.demo.system import DemoSystem
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate_recordings
-from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.taught_exercise import teach
 from friction_comp.files import to_yaml, write_atomically
 from friction_comp.model.friction_model import FrictionModel
@@ -110,12 +109,9 @@ def play_arm(system: DemoSystem) -> None:
 
     helped = _recorded_joints(system.recording('helped'), gains)
     peaks = pages.peaks_of(alone, helped)
-    compared = pages.compared_with_taught(load_exercise(exercise), {
-        'guided': guided, 'alone': alone, 'helped': helped})
     system.finish(
-        pages.arm_page(alone, helped, result, exercise, compared),
-        {'joints': peaks, 'arm': result.report(), 'taught': compared},
-        pages.taught_words(compared),
+        pages.arm_page(alone, helped, result, exercise),
+        {'joints': peaks, 'arm': result.report()},
         *(f'{joint}: the person gives {own["alone"]["rms"]:.2f} N·m RMS, '
           f'{own["alone"]["peak"]:.2f} at most, without help; '
           f'{own["helped"]["rms"]:.2f} and {own["helped"]["peak"]:.2f} with it'

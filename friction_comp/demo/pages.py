@@ -8,15 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
-from scipy.signal import butter, find_peaks, sosfiltfilt
+from scipy.signal import butter, sosfiltfilt
 
 from friction_comp.arm.whole_arm import ArmResult
 from friction_comp.evaluation.conditions import evaluate, FEWEST
-from friction_comp.exercise.exercise_script import ExerciseScript
-from friction_comp.exercise.taught_exercise import TURN
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import number, quantity
 from friction_comp.refinement.result import FoundEffect, RefineResult
@@ -41,8 +38,6 @@ from friction_comp.statistics import rms
 # Of the trials of the main scene, and of the hand's ways, in their order.
 _TRIAL_COLOURS = ('no help', 'unknown', 'known', 'refined')
 _HAND_COLOURS = ('no help', 'other', 'unknown', 'known')
-# Lengths of upper arm and forearm in the drawing, m.
-_LENGTHS = np.array([0.28, 0.25])
 
 
 # The main scene.
@@ -274,47 +269,9 @@ def peaks_of(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
                            ('helped', np.asarray(helped[joint].load)))} for joint in alone}
 
 
-def compared_with_taught(script: ExerciseScript, played: Mapping[str, Mapping[str, Samples]]
-                         ) -> dict[str, Any]:
-    """Return how an exercise agrees with the guided movement, and its replays with it.
-
-    `played` holds, by name and joint, the recordings, `guided` first. Returned are the number of
-    `waypoints`; `farthest`, by recording, how far its path stays away from a waypoint at most, deg;
-    `reversals` of the guided movement, and how many of them are `announced`.
-    """
-    farthest, found, announced = {}, 0, 0
-    for name, recording in played.items():
-        path = np.column_stack([recording[joint].position for joint in script.joints])
-        path = path - path[0]
-        farthest[name] = max(float(np.degrees(np.abs(path - place).max(axis=1).min()))
-                             for place in script.positions)
-    grid = np.arange(0.0, script.duration, 0.01)
-    said = np.array([script.at(float(time))[2] for time in grid])
-    for j, joint in enumerate(script.joints):
-        path = played['guided'][joint].position
-        turns = np.sort(np.concatenate([
-            find_peaks(sign * path, prominence=2.0 * TURN)[0] for sign in (1.0, -1.0)]))
-        ways = np.sign(np.diff(path[[0, *turns, -1]]))
-        own = said[:, j][said[:, j] != 0]
-        signs = own[np.flatnonzero(np.diff(own, prepend=0))]
-        found += len(turns)
-        announced += len(turns) if np.array_equal(signs, ways) else 0
-    return {'waypoints': len(script.times), 'farthest': farthest, 'reversals': found,
-            'announced': announced}
-
-
-def taught_words(taught: dict[str, Any]) -> str:
-    """Return the result of `compared_with_taught` in a sentence."""
-    far = taught['farthest']
-    return (f'The exercise has {taught["waypoints"]} waypoints, {far["guided"]:.2f} deg at most '
-            f'from the guided path, and announces {taught["announced"]} of '
-            f'{taught["reversals"]} reversals; the replay comes within {far["alone"]:.2f} deg of '
-            f'each waypoint without help, {far["helped"]:.2f} deg with it.')
-
-
 def arm_page(alone: Mapping[str, Samples], helped: Mapping[str, Samples], result: ArmResult,
-             exercise: Path, taught: dict[str, Any]) -> Report:
-    """Return the page on a taught exercise; `taught` is from `compared_with_taught`."""
+             exercise: Path) -> Report:
+    """Return the page on a taught exercise."""
     peaks = peaks_of(alone, helped)
     page = Report('A person teaches an arm, and moves it without help and with it',
                   'Three joints, moved by MuJoCo')
@@ -328,11 +285,7 @@ def arm_page(alone: Mapping[str, Samples], helped: Mapping[str, Samples], result
         return value(f'{joint}, {way}, {figure}', f'{peaks[joint][way][figure]:.2f} N·m')
     page.numbers([(f'{shown(joint, "alone", "rms")} → {shown(joint, "helped", "rms")}',
                    f'{joint}, RMS') for joint in peaks])
-    page.figure(_pose_figure(alone, helped), 'The arm from the side; time runs from left to right. '
-                'The size of the discs at shoulder and elbow shows the torque that the person '
-                'applies there. Above: without help; below: with it.')
     page.figure(_torque_figure(alone, helped), 'Torque of the person at each joint.')
-    page.text(taught_words(taught))
     page.figure(exercise_figure(helped), f'The taught exercise `{exercise.name}`, as replayed with '
                 'help, and its announced directions.')
     page.table(['joint', 'RMS alone', 'helped', 'peak alone', 'helped', 'added to the model'],
@@ -347,35 +300,6 @@ def arm_page(alone: Mapping[str, Samples], helped: Mapping[str, Samples], result
                'The load on the cuff is not in the URDF. Only sums of masses along the arm are '
                'certain.')
     return page
-
-
-@styled
-def _pose_figure(alone: Mapping[str, Samples], helped: Mapping[str, Samples]) -> Figure:
-    figure, axes = panels(['', ''], '', 1.7, left=0.2)
-    for axis, recorded, colour in zip(axes, (alone, helped), ('no help', 'known')):
-        joints: list[Any] = [recorded['lift'], recorded['bend']]
-        count = len(joints[0])
-        # Five poses, of the first repetition.
-        for k, sample in enumerate(np.linspace(count // 40, count // 2, 5).astype(int)):
-            _draw_pose(axis, 0.55 * k, [joint.position[sample] for joint in joints],
-                       [joint.load[sample] for joint in joints], COLOURS[colour])
-        axis.set_aspect('equal')
-        axis.set_ylim(-0.65, 0.25)
-        axis.axis('off')
-    return figure
-
-
-def _draw_pose(axes: Axes, left: float, angles: list[float], torques: list[float],
-               colour: str) -> None:
-    total = np.cumsum(angles)
-    x = left + np.cumsum([0.0, *_LENGTHS * np.sin(total)])
-    y = np.cumsum([0.0, *-_LENGTHS * np.cos(total)])
-    axes.plot([left, left], [0.0, 0.2], color=COLOURS['faint'], linewidth=7.0, alpha=0.5,
-              solid_capstyle='round')
-    axes.plot(x, y, color=COLOURS['faint'], linewidth=5.0, solid_capstyle='round')
-    for k, torque in enumerate(torques):
-        axes.plot(x[k], y[k], 'o', color=colour, alpha=0.75,
-                  markersize=max(1.0, 8.0 * abs(torque)))
 
 
 @styled
