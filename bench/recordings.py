@@ -25,7 +25,7 @@ from bench_tools import table_parser
 from node_process import environment
 import numpy as np
 
-from friction_comp.demo.ros_domain import leased_domain
+from friction_comp.demo.processes import leased_domain
 from friction_comp.recordings import read_recording_with_info, RecordingWriter
 
 TOPICS = ('joint_states', 'current_command', 'direction', 'reference', 'interaction_wrench',

@@ -175,7 +175,7 @@ def said() -> str:
 
 def demo() -> str:
     """Return the demo's table."""
-    from friction_comp.demo.loop import TRIALS
+    from friction_comp.demo.scenes import TRIALS
     from friction_comp.number_text import number
 
     numbers, titles = stored('demo'), {name: title for name, title, *_ in TRIALS}
@@ -330,7 +330,7 @@ def _to_and_fro_numbers(report: dict[str, Any]) -> dict[str, Any]:
 
 
 def _to_and_fro_words(numbers: dict[str, Any]) -> str:
-    from friction_comp.demo.to_and_fro import WAYS
+    from friction_comp.demo.scenes import WAYS
 
     return ('Torque of a hand over the angle, to and fro at 0.6 Hz. RMS: ' + ', '.join(
         f'{title} {numbers["rms"][name]:.2f}' for name, title, *_ in WAYS)
@@ -338,9 +338,8 @@ def _to_and_fro_words(numbers: dict[str, Any]) -> str:
 
 
 def _to_and_fro_picture(folder: Path) -> Any:
-    from friction_comp.demo.loop import recorded
     from friction_comp.demo.pages import HandTrial, loops_figure
-    from friction_comp.demo.to_and_fro import WAYS
+    from friction_comp.demo.scenes import recorded, WAYS
 
     return loops_figure({name: HandTrial(title, recorded(folder / 'recordings' / name))
                          for name, title, *_ in WAYS})

@@ -36,7 +36,7 @@ RESOLUTION = {'position': 1e-5, 'current': 5e-3}
 
 def record_elbow(folder: Path) -> None:
     """Record the elbow without and with its direction announced."""
-    from friction_comp.demo.ros_domain import private_domain
+    from friction_comp.demo.processes import private_domain
 
     with private_domain():
         from friction_comp.tools.demo_system import open_system

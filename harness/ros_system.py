@@ -26,7 +26,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
-from friction_comp.demo.ros_domain import leased_domain
+from friction_comp.demo.processes import leased_domain
 from friction_comp.ros.joint_io import UNASKED
 from friction_comp.ros.ros_start import start_ros
 

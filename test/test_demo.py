@@ -19,7 +19,7 @@ from friction_comp.errors import InputError
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from friction_comp.demo import to_and_fro
+from friction_comp.demo import scenes
 from friction_comp.demo.system import clear_results
 
 
@@ -122,8 +122,8 @@ def test_two_joints_turn_round_with_their_directions_announced(scene, capsys):
 @pytest.mark.slow
 def test_a_hand_that_goes_to_and_fro_feels_less_friction_than_with_a_hyperbolic_tangent(
         scene, monkeypatch):
-    monkeypatch.setattr(to_and_fro, 'WAYS', [
-        way for way in to_and_fro.WAYS if way[0] != 'unknown'])
+    monkeypatch.setattr(scenes, 'WAYS', [
+        way for way in scenes.WAYS if way[0] != 'unknown'])
     found = scene('to_and_fro')
     removed = {one['name']: one['removed'] for one in found['to_and_fro']}
     assert removed['none'] == 0.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from friction_comp.demo.ros_domain import private_domain
+from friction_comp.demo.processes import private_domain
 from friction_comp.files import check_folder
 from friction_comp.tools.common import Arguments, whole_number
 
@@ -37,14 +37,10 @@ def main(argv: list[str] | None = None) -> int:
     check_folder(arguments.output)
     with private_domain():
         # Importing ROS 2 may restart Python, so it comes first.
-        from friction_comp.demo.exercises import play_arm, play_two_joints
-        from friction_comp.demo.loop import play_loop
+        from friction_comp.demo import scenes
         from friction_comp.demo.system import open_system
-        from friction_comp.demo.to_and_fro import play_to_and_fro
         import friction_comp.ros.tool_client  # noqa: F401
 
-        play = {'loop': play_loop, 'two_joints': play_two_joints, 'arm': play_arm,
-                'to_and_fro': play_to_and_fro}[arguments.scene]
         with open_system(arguments) as system:
-            play(system)
+            getattr(scenes, f'play_{arguments.scene}')(system)
     return 0
