@@ -21,6 +21,7 @@ from friction_comp.identification.goal import Carried
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
+from friction_comp.samples import Samples
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 
@@ -50,6 +51,21 @@ def sines(time, waves):
     angle = rate * time[:, None] + phase
     return ((size * np.sin(angle)).sum(axis=1), (size * rate * np.cos(angle)).sum(axis=1),
             -(size * rate ** 2 * np.sin(angle)).sum(axis=1))
+
+
+def swings(seed, duration=40.0, step=0.01, frequencies=(0.09, 0.23, 0.41), size=None, coulomb=0.5,
+           viscous=0.2, inertia=0.0, width=0.01, noise=0.02):
+    """Return samples of a joint that swings, with a plain drive's current and some noise.
+
+    Its position is a sum of sines, Hz, each of 0.4 rad or of `size` rad/s over its frequency.
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, step)
+    q, v, a = sines(time, ((0.4 if size is None else size / frequency, 2.0 * np.pi * frequency,
+                            rng.uniform(0.0, 2.0 * np.pi)) for frequency in frequencies))
+    current = coulomb * np.tanh(v / width) + viscous * v + inertia * a
+    return Samples(time=time, position=q, velocity=v, acceleration=a,
+                   current=current + noise * rng.standard_normal(time.size))
 
 
 def undocumented(report):

@@ -5,11 +5,10 @@
 from dataclasses import replace
 import math
 
-from helpers import sines
+from helpers import sines, swings
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
-from test_prepare import swings
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError

@@ -8,13 +8,12 @@ from dataclasses import replace
 import json
 import re
 
-from helpers import note_model, ROOT
+from helpers import note_model, ROOT, swings
 import numpy as np
 import pytest
 from recording_maker import DATA, needs_data, record_with_diagnostics
 from scipy.signal import butter, sosfiltfilt
 from table_maker import write
-from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError

@@ -4,9 +4,9 @@
 
 
 
+from helpers import swings
 import numpy as np
 import pytest
-from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS

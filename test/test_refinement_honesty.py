@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What refinement must not be misled by: hidden inertia, filtered velocity, one-sided motion."""
 
+from helpers import swings
 import numpy as np
 import pytest
-from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.friction_model import FrictionModel

@@ -5,9 +5,9 @@
 import re
 from types import SimpleNamespace
 
+from helpers import swings
 import numpy as np
 import pytest
-from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
