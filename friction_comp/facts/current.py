@@ -27,8 +27,6 @@ of a second or two to transfer a command."""
 _SMOOTHING = 0.05
 # Duration of measured current that is compared, and step between the delays that are compared, s.
 _MEMORY, _GRID = 0.5, 0.005
-# Share of the motion in which the current must have one sign.
-_SHARE = 0.8
 
 
 # Measured compared with commanded current.
@@ -218,7 +216,7 @@ def wrong_sign(samples: Samples, alone: bool = True) -> str:
         return ''
     # A difference within the scatter of single samples may be that of another load.
     scatter = math.sqrt(max(float(weight @ variance.mean(axis=1)), 0.0))
-    if weight @ difference < -scatter and weight[difference < 0].sum() > _SHARE:
+    if weight @ difference < -scatter and weight[difference < 0].sum() > 0.8:
         # Whether these are A or N·m is not known here.
         return ('the motor brakes the motion: effort has the wrong sign (--unit effort=-1Nm or '
                 'current=-1A reverses it), or another torque drives the joint and neither '

@@ -25,9 +25,6 @@ FEWEST_BLOCKS = 5
 """Blocks of motion from which a recorded stretch tells whether velocity and position agree."""
 BLOCK = 0.1
 """Duration over which velocity is integrated and compared with the change of position, s."""
-# Time steps above this in s, and above this multiple of the usual one, are gaps, over which nothing
-# is integrated.
-_GAP, _GAP_STEPS = 0.02, 3.0
 # Relative difference up to which a ratio is reported as that of a known unit.
 UNIT_TOLERANCE = 0.1
 # Turns of units other than rad: values wrap around at them, and encoders divide them.
@@ -221,10 +218,8 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
         return np.empty(0)
     last, begins = edges[-1], edges[:-1]
     step = step[:last]
-    # Not np.median: its first call imports numpy.ma, which takes 50 ms of a control loop.
-    usual = float(np.sort(step)[len(step) // 2])
     # Neither signal is followed over gaps: a busy machine leaves some in most blocks.
-    followed = (step > 0.0) & (step <= max(_GAP, _GAP_STEPS * usual))
+    followed = (step > 0.0) & (step <= gap_length(step))
     middle = 0.5 * (velocity[1:] + velocity[:-1])[:last]
     change = np.add.reduceat(np.diff(position)[:last] * followed, begins)
     integral = np.add.reduceat(middle * step * followed, begins)

@@ -11,16 +11,11 @@ from friction_comp.facts.motion import glitches, impossible, turns_of, velocity_
 from friction_comp.facts.timing import held_rows, rhythm
 from friction_comp.samples import Samples
 
-# Share of velocities that may differ from zero where positions are held, of those where one is new.
-_FEW = 0.1
-# A joint whose position covers more, rad or m, moved.
-_MOVED = 0.01
-
 
 def moves(position: np.ndarray) -> bool:
-    """Return whether a joint moved, by its positions, (N,), which may be NaN."""
+    """Return whether a joint moved by more than 0.01 rad or m; positions, (N,), may be NaN."""
     position = position[np.isfinite(position)]
-    return len(position) > 0 and bool(np.ptp(position) > _MOVED)
+    return len(position) > 0 and bool(np.ptp(position) > 0.01)
 
 
 def tidied(samples: Samples, notes: list[str]) -> tuple[Samples, np.ndarray]:
@@ -37,7 +32,8 @@ def tidied(samples: Samples, notes: list[str]) -> tuple[Samples, np.ndarray]:
         notes.append(f'position is held over {held} rows: {np.count_nonzero(fresh)} of {len(rows)} '
                      f'rows are used, {rate:.3g} Hz is the rate at which it is measured')
         velocity = samples.velocity
-        if velocity is not None and np.count_nonzero(velocity[~fresh]) < _FEW * np.count_nonzero(
+        # It is zero where positions are held.
+        if velocity is not None and np.count_nonzero(velocity[~fresh]) < 0.1 * np.count_nonzero(
                 velocity[fresh]):
             notes.append('velocity was computed from row to row, and is not used')
             samples = samples.with_(velocity=None)

@@ -12,14 +12,8 @@ from friction_comp.statistics import smallest_step
 
 # A gap is longer than both: a number of usual time steps, and a time in s.
 _GAP_STEPS, _GAP = 5.0, 0.02
-# Fewest steps of an encoder from row to row that show whether a row is missing, and the share of
-# rows from which on such a loss is more than noise.
-_SURE_STEPS, _LOST = 5.0, 0.01
-# Changes of position above which rows are compared with the resolution: fewer say nothing.
-_FEWEST_CHANGES = 50
-# Longest and shortest usual time from row to row of a joint in motion, s, and the latest time that
-# 64 bits hold in ns.
-_SLOWEST, _FASTEST, _LATEST = 1.0, 1e-5, 9e9
+_SLOWEST = 1.0
+"""Longest usual time from row to row of a joint in motion, s."""
 _UNITS = {'s': 1.0, 'ms': 1e-3, 'µs': 1e-6, 'ns': 1e-9}
 
 
@@ -64,9 +58,10 @@ def not_in_seconds(time: np.ndarray, factor: float = 1.0, stated: bool = False) 
     if not len(steps):
         return ''
     usual, mean = float(np.median(steps)), float(np.ptp(time)) / len(steps)
-    if np.abs(factor * time).min() >= _LATEST:
+    # The latest time that 64 bits hold in ns.
+    if np.abs(factor * time).min() >= 9e9:
         return f'holds values such as {time[0]:.4g}, which are no times in this unit'
-    if 0.0 < factor * mean < _FASTEST:
+    if 0.0 < factor * mean < 1e-5:
         return f'has rows {mean:.3g} apart, too close for this unit'
     # Half of the rows or more share their time with others if times are rounded to seconds.
     if not stated and factor * usual >= _SLOWEST:
@@ -85,19 +80,20 @@ def lost_rows(time: np.ndarray, position: np.ndarray, step: float) -> float:
     """Return the share of rows before which others are missing in spite of their times; else 0.
 
     Between two rates that are alike the position, in steps of `step` rad, then moves a whole number
-    of times as far, and seldom one and a half times, as it does by noise.
+    of times as far, and seldom one and a half times, as it does by noise. Motion of five steps and
+    more from row to row tells.
     """
     change = np.diff(time)
     rate = np.divide(np.diff(position), change, out=np.zeros(len(change)), where=change > 0.0)
     before, own, after = rate[:-2], rate[1:-1], rate[2:]
     size = np.abs((before, after))
     steady = (before * after > 0.0) & (size.max(axis=0) < 1.5 * size.min(axis=0)) & (
-        size.min(axis=0) * change[1:-1] > _SURE_STEPS * step)
+        size.min(axis=0) * change[1:-1] > 5.0 * step)
     if not steady.any():
         return 0.0
     ratio = 2.0 * own[steady] / (before + after)[steady]
     far, between = np.mean(ratio > 1.8), np.mean((ratio > 1.4) & (ratio < 1.8))
-    return float(far) if far > _LOST and between < 0.2 * far else 0.0
+    return float(far) if far > 0.01 and between < 0.2 * far else 0.0
 
 
 def held_rows(position: np.ndarray) -> int:
@@ -108,7 +104,7 @@ def held_rows(position: np.ndarray) -> int:
     """
     change = np.diff(position)
     changed = np.flatnonzero(change) + 1
-    if len(changed) < _FEWEST_CHANGES:
+    if len(changed) < 50:
         return 1
     coarse = np.mean(np.abs(change[changed - 1]) < 1.5 * smallest_step(position))
     return 1 if coarse > 0.5 else max(int(np.median(np.diff(changed))), 1)

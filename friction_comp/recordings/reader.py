@@ -35,15 +35,12 @@ Recording = Scan | TableRecording
 
 # Number of messages in which each joint occurs at least once, even with several publishers.
 _FIRST_MESSAGES = 200
-# What to do with other files: sheets have formulas and notes, and bags of ROS 1 other messages.
-_WORKBOOK = 'a workbook: save its sheet as CSV, and give that file'
-_OTHERS = {**dict.fromkeys(('.xlsx', '.xlsm', '.xls', '.ods'), _WORKBOOK),
-           '.bag': 'a bag of ROS 1: rosbags-convert --src {} --dst {}'}
+# What to do with other files.
+_OTHERS = {
+    **dict.fromkeys(('.xlsx', '.xlsm', '.xls', '.ods'), 'a workbook: save its sheet as CSV'),
+    '.bag': 'a bag of ROS 1: rosbags-convert --src {} --dst {}'}
 LIMIT = 400_000
 """Most samples of one fit: about 600 MB of working memory, ten times most recordings."""
-# Lowest rate of averages, Hz: averages over a longer time hide friction at a reversal; and the
-# length of a piece that is kept or left out, s.
-_SLOWEST_RATE, _PIECE = 100.0, 10.0
 
 
 def part_of(progress: Progress | None, index: int, count: int) -> Progress:
@@ -311,11 +308,13 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                 progress, done, len(recordings))), joint, torque_per_current)
         if not length:
             total = len(samples) * sum(sizes) / max(sizes[index], 1)
-            longest = max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
+            # Averages over more than 10 ms hide friction at a reversal.
+            longest = max(1, round(0.01 / max(samples.sample_time, 1e-9)))
             length = min(max(math.ceil(total / limit), 1), longest)
             share = min(1.0, limit * length / max(total, 1))
         kept = samples.with_(recording=np.full(len(samples), index)).averaged(length)
-        kept = kept.take(evenly_spread(np.floor(kept.time / _PIECE) + 7919 * index) < share)
+        # Pieces of 10 s are kept or left out.
+        kept = kept.take(evenly_spread(np.floor(kept.time / 10.0) + 7919 * index) < share)
         if not len(kept):
             raise InputError(f'{info.path}: has too few samples of joint {info.joint!r}')
         if len(kept) < len(samples):

@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 _DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
-# A compensator that runs from the beginning of a recording reports within this time, ns. It reports
-# every second of real time, in which a simulation may advance by several.
-_FIRST_REPORT = 10_000_000_000
 # Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them: used
 # where the usual ones have no effort.
 _DYNAMIC = 'dynamic_joint_states'
@@ -119,7 +116,8 @@ class _ActivityLog:
                 self.changes.append(activity)
         if not before and self.changes:
             first = self.changes[0]
-            if first.time - begin < _FIRST_REPORT and first.state != 'identification':
+            # It reports every second of real time, in which a simulation may advance by several.
+            if first.time - begin < 10 * NANO and first.state != 'identification':
                 self.changes[0] = replace(first, time=min(first.time, begin))
 
 

@@ -28,10 +28,6 @@ _EXAMPLES = {'position': 'position=deg, turn, counts/4096 (counts in a turn) or 
              'velocity': 'velocity=0.229rpm, deg/s or rad/s',
              'effort': 'effort=2.69mA, counts or N·m'}
 _HELD = ('command', 'direction')    # signals that hold their value until the next
-_RAW = 50       # fewest rows of whole numbers that are no coincidence
-# A torque behind a gear that is so many times the motor's is more than any friction makes of it.
-_GEARED = 3.0
-_WHOLE = 0.5    # share of the rows of the rarer of position and effort that hold the other, too
 
 
 class TableRecording:
@@ -204,7 +200,8 @@ def _load(effort: np.ndarray, link_torque: np.ndarray, is_torque: bool, notes: l
         link_torque = -link_torque
         notes.append('the sign of link_torque is reversed: it is opposite to that of effort')
     ratio = abs(product) / max(power, 1e-300)
-    if is_torque and ratio > _GEARED:
+    # More than any friction makes of it.
+    if is_torque and ratio > 3.0:
         notes.append(f'link_torque is about {ratio:.2g} times the effort, as if that were before a '
                      'gear: give its ratio, --unit effort=100Nm if it is 100')
     return -link_torque
@@ -231,7 +228,7 @@ def _unit_fault(column: Column, values: np.ndarray) -> tuple[str, str]:
         return '', ''
     values = values[np.isfinite(values)]
     fault = not_in_radians(values) if column.signal == 'position' else ''
-    if not fault and len(values) >= _RAW and len(np.unique(values[:100_000])) > 3 and (
+    if not fault and len(values) >= 50 and len(np.unique(values[:100_000])) > 3 and (
             values == np.round(values)).all():
         fault = 'holds whole numbers'
     return fault, _EXAMPLES[column.signal]
@@ -264,7 +261,7 @@ def _whole_rows(columns: Columns, time: np.ndarray, use: Assignment) -> tuple[Co
     pairs = [(effort.name, position.name) for joint in use.joints
              if (effort := use.of('effort', joint)) and (position := use.of('position', joint))]
     known = {name: np.isfinite(columns[name] + time) for pair in pairs for name in pair}
-    if all((known[one] & known[other]).sum() > _WHOLE * min(known[one].sum(), known[other].sum())
+    if all((known[one] & known[other]).sum() > 0.5 * min(known[one].sum(), known[other].sum())
            for one, other in pairs) or not all(rows.any() for rows in known.values()):
         return columns, time
     rarest = min(known, key=lambda name: int(known[name].sum()))
