@@ -22,9 +22,8 @@ from friction_comp.model.measured import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 from friction_comp.simulation.batch import closed_loops
-from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.joint import Plant, random_states
 from friction_comp.simulation.joint_parameters import joint_parameters
-from friction_comp.simulation.random_sequence import random_states
 from simulated_recordings.closed_loop import closed_loop
 
 

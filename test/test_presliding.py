@@ -9,9 +9,8 @@ import pytest
 
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
-from friction_comp.simulation.joint import joint_sample, measure, start_joint
+from friction_comp.simulation.joint import joint_sample, measure, random_states, start_joint
 from friction_comp.simulation.joint_parameters import JOINT_STATE, MEASURED
-from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import COLUMNS
 from simulated_recordings.random_gears import random_gear
 

@@ -16,12 +16,10 @@ from friction_comp.errors import InputError
 from friction_comp.exercise.exercise_script import ReferenceMovement
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
-from friction_comp.simulation.friction_level import draw_levels, friction_level
-from friction_comp.simulation.joint import Plant, start_joint
+from friction_comp.simulation.joint import Plant, random_states, start_joint
+from friction_comp.simulation.joint_motion import ARRIVED, draw_levels, friction_level
 from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE
 from friction_comp.simulation.mujoco_plant import MujocoPlant
-from friction_comp.simulation.person import ARRIVED
-from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import Undeclared
 
 # The simulated joint: it sticks and slips, is deterministic, and is the same in all uses.
@@ -281,11 +279,5 @@ def test_a_guided_arm_is_learnt_and_carried(engine, tmp_path, monkeypatch):
     masses = {body['joint']: body['mass'] for body in report['arm']['rigid_bodies']}
     # The cuff's 0.6 kg, which the URDF does not know of, beside the forearm's 0.7.
     assert masses['bend'] == pytest.approx(1.3, abs=0.15)
-    # What was guided is what is played: each waypoint and each reversal, which nobody announced.
-    taught = report['taught']
-    assert taught['farthest']['guided'] < 1.0
-    assert taught['farthest']['helped'] < 1.0
-    assert taught['announced'] == taught['reversals'] > 3
     guided = read_arm(tmp_path / 'recordings' / 'taught', lambda joint: 11.9)
     assert not any(parts[0][0].direction.any() for parts in guided.values())
-    assert 'discs at shoulder and elbow' in (tmp_path / 'report.html').read_text(encoding='utf-8')

@@ -20,8 +20,7 @@ from friction_comp.errors import InputError
 from friction_comp.ros.joint_io import command_unit, RELIABLE, UNASKED, UNIT_OF
 from friction_comp.ros.node_parts import Diagnostics, load_models, OK, Rate, Settings, WARN
 from friction_comp.ros.ros_start import steady_timer
-from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.person import ReferenceHold
+from friction_comp.simulation.joint import Plant, ReferenceHold
 from friction_comp.simulation.undeclared import Undeclared
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 

@@ -3,7 +3,7 @@
 """Simulated geared joints with encoder, current sensor, torque sensor S2 and a person.
 
 The plant node, `Plant` in a loop and the parallel runs of `reproduce` all call `joint_sample`. Its
-equations of motion are in `rigid_joint` and `geared_joint`.
+equations of motion are in `joint_motion`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.simulation.friction_level import draw_levels
-from friction_comp.simulation.geared_joint import move_geared
+from friction_comp.simulation.joint_motion import draw_levels, move_geared, move_rigid, normal
 from friction_comp.simulation.joint_parameters import (
     DELAYS,
     ELEMENTS,
@@ -29,8 +28,6 @@ from friction_comp.simulation.joint_parameters import (
     Record,
     RIGID,
 )
-from friction_comp.simulation.random_sequence import normal, random_states
-from friction_comp.simulation.rigid_joint import move_rigid
 from friction_comp.simulation.undeclared import COLUMNS, Undeclared, warmed_up
 
 
@@ -127,6 +124,31 @@ class PlantState:
     current: np.ndarray             # measured motor current, A
     interaction_torque: np.ndarray  # τ_b at sensor S2, N·m, positive: the person pushes forward
     temperature: np.ndarray         # of the motor, degrees Celsius
+
+
+def random_states(seed: int | Sequence[int], runs: int) -> np.ndarray:
+    """Return initial states of `runs` independent random sequences, shape (runs, 1) uint64."""
+    return np.random.SeedSequence(seed).generate_state(runs, np.uint64).reshape(runs, 1)
+
+
+class ReferenceHold:
+    """Extrapolates the last reference with its velocity until the next one, or a timeout in s."""
+
+    def __init__(self, timeout: float = 0.5) -> None:
+        self.timeout = float(timeout)
+        self._reference: tuple[float, np.ndarray, np.ndarray] | None = None
+
+    def update(self, time: float, position: ArrayLike, velocity: ArrayLike) -> None:
+        """Set a new reference: s, rad, rad/s; arrays of shape (J,)."""
+        self._reference = (float(time), np.array(position, dtype=float),
+                           np.array(velocity, dtype=float))
+
+    def at(self, time: float) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+        """Return position and velocity of shape (J,) at a time in s, or None and None."""
+        if self._reference is None or not time - self._reference[0] <= self.timeout:
+            return None, None
+        since, position, velocity = self._reference
+        return position + velocity * (time - since), velocity
 
 
 class Plant:

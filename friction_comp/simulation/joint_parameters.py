@@ -23,8 +23,8 @@ DELAYS = 4
 """Number of commands that are stored: the largest delay is one sample less."""
 
 RIGID, CLAMP, LUGRE, MAXWELL_SLIP = range(4)
-"""Kinds of joint: one inertia with clamp friction (`rigid_joint`), or one of the friction models of
-a joint with two inertias and a gear (`geared_joint`)."""
+"""Kinds of joint: one inertia with clamp friction, or one of the friction models of
+a joint with two inertias and a gear ."""
 
 Record = Any
 """A record of one of the types below."""

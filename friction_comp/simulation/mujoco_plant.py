@@ -3,7 +3,7 @@
 """An arm whose links MuJoCo simulates, with the drives, sensors and person of `Plant`.
 
 In each substep MuJoCo receives the sum of motor, person's and friction torque of each joint;
-friction is that of `rigid_joint`.
+friction is that of `joint_motion`.
 """
 
 from __future__ import annotations
@@ -19,11 +19,15 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.simulation.friction_level import friction_level
 from friction_comp.simulation.joint import delayed_command, end_sample, Plant
+from friction_comp.simulation.joint_motion import (
+    clamped_friction,
+    follow_reference,
+    friction_level,
+    move_bristle,
+    SUBSTEPS,
+)
 from friction_comp.simulation.joint_parameters import RIGID
-from friction_comp.simulation.person import follow_reference
-from friction_comp.simulation.rigid_joint import clamped_friction, move_bristle, SUBSTEPS
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque
 
 
@@ -136,7 +140,7 @@ def _torques(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, ta
     """Write the torques of motors, persons and friction at the beginning of a substep, N·m.
 
     `bias` is each joint's torque due to weight and velocities, `inertia` its entry on the diagonal
-    of the arm's: with both, the bristle is integrated implicitly as in `rigid_joint`.
+    of the arm's: with both, the bristle is integrated implicitly as in `joint_motion`.
     """
     h = sample_time / SUBSTEPS
     for j in range(parameters.shape[0]):

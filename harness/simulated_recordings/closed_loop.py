@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.simulation.person import ReferenceHold
+from friction_comp.simulation.joint import ReferenceHold
 
 if TYPE_CHECKING:
     from friction_comp.compensation.law import CompensationLaw

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from friction_comp.simulation.batch import closed_loops
-from friction_comp.simulation.random_sequence import random_states
+from friction_comp.simulation.joint import random_states
 
 # rad, rad/s, N·m, A.
 LOGGED = ('rotor', 'rotor_speed', 'link_speed', 'interaction_torque', 'command')
