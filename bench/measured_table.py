@@ -26,7 +26,7 @@ from scipy.signal import butter, filtfilt
 from friction_comp import FrictionModel, read_recording
 
 # What docs/generate.py stores of each row.
-KEPT = ('set', 'unit', 'error', 'terms', 'said', 'true', 'verdict')
+KEPT = ('set', 'unit', 'error', 'plain', 'terms', 'said', 'true', 'verdict')
 FRICTION = ('coulomb', 'viscous', 'offset')
 BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, np.inf)  # Hz, of the expert's motion
 UR10E = ('shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint',
