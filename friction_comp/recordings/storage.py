@@ -168,9 +168,12 @@ def _mcap_records(storage: Storage, file: Path) -> Iterator[Any]:
 def _check_chunk(chunk: records.Chunk) -> None:
     """Raise an error for a chunk that unpacks to more than it says, or than a recording holds."""
     size, packed = chunk.uncompressed_size, len(chunk.data)
-    check_unpacked('a chunk', size, packed)
+    try:
+        check_unpacked('a chunk', size, packed)
+    except InputError as error:
+        raise ValueError(error) from None   # what stands before it is read
     if size > _LARGEST_CHUNK:
-        raise InputError(f'a chunk of {size} bytes, more than {_LARGEST_CHUNK}')
+        raise ValueError(f'a chunk of {size} bytes, more than {_LARGEST_CHUNK}')
     held = -1 if chunk.compression else packed
     if chunk.compression == 'zstd':
         held = zstandard.frame_content_size(chunk.data)
