@@ -131,7 +131,7 @@ def identified(gear):
 
 @pytest.mark.slow
 def test_identification_finds_breakaway_and_presliding():
-    """Of a contact that holds like a spring; `test_independent_gear.py` has other kinds."""
+    """Of a contact that holds like a spring; `test_bench_worlds.py` has other kinds."""
     gear = random_gear(2, 'clamp')
     result = identified(gear)
     true, found = gear.model.breakaway, result.breakaway

@@ -1,6 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tools refine and predict from recording to files, on simulated and on measured drives."""
+"""The tools refine and predict, and the model that they write and read.
+
+Of recordings and of tables of means, on simulated and on measured drives.
+"""
 
 from contextlib import redirect_stdout
 import csv
@@ -17,21 +20,23 @@ from table_maker import write
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.identification.curves import fit_steady_states
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import Breakaway
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.recorded_drive.given import Given, with_current_limit
 from friction_comp.recorded_drive.refine_recordings import showing_friction
 from friction_comp.recordings import read_recording, read_recording_with_info, write_samples
 from friction_comp.refinement import refine
-from friction_comp.refinement.judge import Finding, verdict_of
-from friction_comp.refinement.prepare import moving
+from friction_comp.refinement.judge import Finding, other_turn, verdict_of
+from friction_comp.refinement.result import FoundEffect
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 
-LIVE_PAGES = True
 RATE = 125.0  # Hz
 
 
@@ -57,7 +62,15 @@ def folder(drive, tmp_path_factory):
     return room
 
 
-def table(path):
+def report_on(path, output, *more):
+    """Return the report that `refine` writes of a file."""
+    assert run_refine([str(path), '--output', str(output), *more]) == 0
+    return json.loads((output / 'report.json').read_text())
+
+
+def predicted(recording, model, path):
+    """Return the columns that `predict` writes, by name."""
+    assert run_predict([str(recording), '--model', str(model), '--output', str(path)]) == 0
     with open(path, encoding='utf-8') as stream:
         rows = list(csv.DictReader(stream))
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
@@ -82,16 +95,7 @@ def test_report_has_what_is_promised(folder, drive):
     assert report['unexplained'] == []
     again = verdict_of([Finding(**finding) for finding in report['findings']])
     assert again.verdict == report['verdict']
-
-
-@pytest.mark.slow
-def test_the_page_needs_nothing_from_elsewhere_and_says_what_each_number_is(folder):
     page = (folder / 'out' / 'report.html').read_text()
-    assert page.startswith('<!DOCTYPE html>')
-    assert page.count('<figcaption>') >= 3
-    tags = re.sub(r'(<script[^>]*>).*?</script>', r'\1', page, flags=re.DOTALL)
-    assert not re.search(r'\b(src|href)=.?http', tags)
-
     assert 'A·s/rad' in page
     assert 'coefficient 1' not in page
     # Three seconds at most to open: a page is no larger than three million characters.
@@ -99,17 +103,12 @@ def test_the_page_needs_nothing_from_elsewhere_and_says_what_each_number_is(fold
 
 
 @pytest.mark.slow
-def test_predict_writes_a_row_for_every_joint_state(folder, drive):
-    path = folder / 'predicted.csv'
-    assert run_predict([str(folder / 'score'), '--model', str(folder / 'out' / 'model.yaml'),
-                        '--output', str(path)]) == 0
-    columns = table(path)
+def test_predict_writes_a_row_for_every_joint_state(folder, drive, tmp_path):
+    columns = predicted(folder / 'score', folder / 'out' / 'model.yaml', tmp_path / 'out.csv')
     assert list(columns) == ['time', 'measured', 'predicted']
     assert len(columns['time']) == 40.0 * RATE
-    assert np.isfinite(columns['predicted']).all()
     assert np.all(np.diff(columns['time']) > 0)
-    error = columns['measured'] - columns['predicted']
-    assert rms(error) < 1.3 * drive.noise_floor
+    assert rms(columns['measured'] - columns['predicted']) < 1.3 * drive.noise_floor
 
 
 def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path, capsys):
@@ -120,41 +119,20 @@ def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path,
     friction, gain = model.sigmoid(velocity), model.drive.torque_per_current
     samples = Samples(time=time, position=np.sin(time), velocity=velocity, joint='elbow',
                       current=friction * 2.0 / 3.0, load=gain * friction / 3.0)
-    np.testing.assert_allclose(model.measured(samples), friction)
-    assert model.measured(samples.with_(load=None)) is samples.current
     # A model that says itself what a load does is compared with the motor's current alone.
     own = replace(model, effects=[EFFECTS['load_torque']({'coefficients': [-1.0 / gain]})])
     assert own.measured(samples) is samples.current
     write_samples(tmp_path / 'r', samples, model.drive.torque_constant, model.drive.gear_ratio)
-    model.save(tmp_path / 'model.yaml')
-    assert run_predict([str(tmp_path / 'r'), '--model', str(tmp_path / 'model.yaml'),
-                        '--output', str(tmp_path / 'out.csv')]) == 0
-    columns = table(tmp_path / 'out.csv')
-    error = columns['measured'] - columns['predicted']
-    assert rms(error) < 0.05 * np.abs(friction).max()
-    out = capsys.readouterr().out
-    assert 'a load was recorded' in out
-    assert 'A where the joint moves' in out
     # Without a drive, `refine` fits the effort, and its model says so.
-    replace(model, notes={'unit': 'N·m'}).save(tmp_path / 'model.yaml')
-    assert run_predict([str(tmp_path / 'r'), '--model', str(tmp_path / 'model.yaml'),
-                        '--output', str(tmp_path / 'out.csv')]) == 0
-    assert 'N·m where the joint moves' in capsys.readouterr().out
-
-
-def test_predict_counts_motion_as_refinement_does():
-    time = np.arange(0.0, 20.0, 0.005)
-    # At full speed, at a thirtieth of it, and at rest.
-    speed = np.select([time < 8.0, time < 16.0], [1.0, 1.0 / 30.0])
-    samples = Samples(time=time, position=np.cumsum(speed) * 0.005, current=speed)
-    moves = moving(samples, note_model())
-    # Slow motion next to a rest is presliding.
-    for begin, end, share in ((1.0, 7.0, 1.0), (9.0, 15.0, 1.0), (15.93, 15.99, 0.0),
-                              (17.0, 19.0, 0.0)):
-        assert np.mean(moves[(time > begin) & (time < end)]) == share
-    short = Samples(time=time[:100], position=samples.position[:100], current=speed[:100])
-    with pytest.raises(InputError, match='are short'):
-        moving(short, note_model())
+    for unit in ('A', 'N·m'):
+        replace(model, notes={'unit': unit}).save(tmp_path / 'model.yaml')
+        columns = predicted(tmp_path / 'r', tmp_path / 'model.yaml', tmp_path / 'out.csv')
+        out = capsys.readouterr().out
+        assert f'{unit} where the joint moves' in out
+        if unit == 'A':
+            error = columns['measured'] - columns['predicted']
+            assert rms(error) < 0.05 * np.abs(friction).max()
+            assert 'a load was recorded' in out
 
 
 @pytest.mark.slow
@@ -162,10 +140,10 @@ def test_a_load_takes_the_current_that_it_takes_where_the_drive_is_unknown(tmp_p
     """Of a table of current and load, without k_t and n: no coefficient is assumed."""
     samples = swings(3)
     load = 5.0 * np.sin(0.37 * samples.time) + 2.0 * np.sin(1.1 * samples.time)
-    write(tmp_path / 'run.csv', time=samples.time, position=samples.position,
-          velocity=samples.velocity, current=samples.current - 0.1 * load, load=load)
-    assert run_refine([str(tmp_path / 'run.csv'), '--output', str(tmp_path / 'out')]) == 0
-    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    report = report_on(write(
+        tmp_path / 'run.csv', time=samples.time, position=samples.position,
+        velocity=samples.velocity, current=samples.current - 0.1 * load, load=load),
+        tmp_path / 'out')
     assert report['unit'] == 'A'
     assert report['after']['held_out_rmse'] < 0.025
     effect, = report['effects']
@@ -173,71 +151,54 @@ def test_a_load_takes_the_current_that_it_takes_where_the_drive_is_unknown(tmp_p
 
 
 @pytest.mark.slow
-def test_a_person_who_guides_a_motor_that_is_off_shows_friction_but_no_limit(tmp_path, capsys):
+@pytest.mark.parametrize('noise', [0.0, 1e-3])
+def test_a_person_who_guides_a_motor_that_is_off_shows_friction_but_no_limit(
+        tmp_path, capsys, noise):
     samples = swings(3)
-    effort = 1e-3 * np.random.default_rng(3).standard_normal(len(samples))
-    write(tmp_path / 'run.csv', time=samples.time, position=samples.position,
-          velocity=samples.velocity, effort=effort, load=10.0 * samples.current)
-    model = str(tmp_path / 'out' / 'model.yaml')
-    assert run_refine([str(tmp_path / 'run.csv'), '--output', str(tmp_path / 'out')]) == 0
-    assert re.search(r'compensate +not with this file: .* is more than drive.current_limit of '
-                     r'\S+ N·m', capsys.readouterr().out)
+    path = write(
+        tmp_path / 'run.csv', time=samples.time, position=samples.position,
+        velocity=samples.velocity, load=10.0 * samples.current,
+        effort=noise * np.random.default_rng(3).standard_normal(len(samples)))
+    report = report_on(path, tmp_path / 'out')
+    said = capsys.readouterr().out
+    assert noise or 'the motor was idle' in said
+    assert report['unit'] == 'N·m'
+    assert report['friction']['coulomb'] == pytest.approx(5.0, rel=0.03)
+    assert report['friction']['viscous'] == pytest.approx(2.0, rel=0.05)
+    if noise:
+        assert re.search(r'compensate +not with this file: .* is more than drive.current_limit of '
+                         r'\S+ N·m', said)
     # A constant torque of the motor, which is zero, is no model of friction.
-    assert run_predict([str(tmp_path / 'run.csv'), '--model', model,
-                        '--output', str(tmp_path / 'out.csv')]) == 0
+    predicted(path, tmp_path / 'out' / 'model.yaml', tmp_path / 'out.csv')
     assert 'does not hold' not in capsys.readouterr().out
 
 
 @pytest.mark.slow
 def test_bad_input_is_named_and_nothing_is_left(folder, tmp_path):
-    with pytest.raises(InputError, match='nowhere'):
-        run_refine([str(tmp_path / 'nowhere'), '--output', str(tmp_path / 'out')])
-    with pytest.raises(InputError, match='elbow'):
-        run_refine([str(folder / 'fit'), '--output', str(tmp_path / 'out'), '--joint', 'knee'])
-    assert not (tmp_path / 'out').exists()
-    with pytest.raises(InputError, match=r'none\.yaml'):
-        run_predict([str(folder / 'score'), '--model', str(tmp_path / 'none.yaml'),
-                     '--output', str(tmp_path / 'x.csv')])
-    assert not (tmp_path / 'x.csv').exists()
-
-
-def with_effect(name, coefficients, **parameters):
-    effect = EFFECTS[name]({'coefficients': coefficients, **parameters})
-    return FrictionModel(
-        Drive(0.119, 100.0), Sigmoid(0.12, -0.12, 200.0, viscous=0.05), effects=[effect])
-
-
-@pytest.mark.parametrize(('model', 'words'), [
-    (with_effect('temperature', [0.01, 0.0], reference_temperature=25.0, transition=0.01),
-     "'temperature' needs temperature, which"),
-    (with_effect('load_friction', [0.02], exponent=1.0, transition=0.01),
-     "'load_friction' needs load, which")])
-def test_an_initial_effect_whose_signal_is_missing_is_named(model, words):
-    with pytest.raises(InputError, match=words):
-        refine([swings(1)], model)
-
-
-def test_load_dependent_friction_of_the_initial_model_is_kept_where_a_person_carries_the_load():
-    time = np.arange(0.0, 60.0, 0.005)
-    position = 0.5 * np.sin(0.9 * time) + 0.3 * np.sin(2.1 * time)
-    velocity, torque = np.gradient(position, time), np.zeros_like(time)
-    side, current = np.tanh(velocity / 0.01), 0.06 * np.tanh(velocity / 0.02)
-    for _ in range(60):
-        torque = 11.9 * ((0.12 + 0.02 * np.abs(torque)) * side + 0.05 * velocity - current)
-    noise = np.random.default_rng(0).standard_normal((2, len(time)))
-    samples = Samples(time=time, position=position, velocity=None,
-                      current=current + 0.002 * noise[0], load=torque + 0.01 * noise[1])
-    model = with_effect('load_friction', [0.02], exponent=1.0, transition=0.01)
-    names = [effect.name for effect in refine([samples], model).model.effects]
-    assert 'load_friction' in names
-
-
-def test_a_position_that_is_no_number_is_not_predicted_as_zero():
+    output = ['--output', str(tmp_path / 'out')]
+    for tool, arguments, words in (
+            (run_refine, [tmp_path / 'nowhere'], 'nowhere'),
+            (run_refine, [folder / 'fit', '--joint', 'knee'], 'elbow'),
+            (run_predict, [folder / 'score', '--model', tmp_path / 'none.yaml'], r'none\.yaml')):
+        with pytest.raises(InputError, match=words):
+            tool([*map(str, arguments), *output])
+        assert not (tmp_path / 'out').exists()
     samples = swings(1)
     position = samples.position.copy()
     position[123] = np.nan
     with pytest.raises(InputError, match='position at 1.23 s is not finite'):
         note_model(1).predict(samples.with_(position=position))
+
+
+@pytest.mark.parametrize(('name', 'constants', 'needed'), [
+    ('temperature', {'coefficients': [0.01, 0.0], 'reference_temperature': 25.0,
+                     'transition': 0.01}, 'temperature'),
+    ('load_friction', {'coefficients': [0.02], 'exponent': 1.0, 'transition': 0.01}, 'load')])
+def test_an_initial_effect_whose_signal_is_missing_is_named(name, constants, needed):
+    model = FrictionModel(Drive(0.119, 100.0), Sigmoid(0.12, -0.12, 200.0, viscous=0.05),
+                          effects=[EFFECTS[name](constants)])
+    with pytest.raises(InputError, match=f"'{name}' needs {needed}, which"):
+        refine([swings(1)], model)
 
 
 def test_the_effects_hidden_in_an_example_alone_are_found():
@@ -277,9 +238,6 @@ def test_without_the_load_only_what_no_law_drove_shows_friction(drive, tmp_path,
     loaded = [(part.with_(load=np.zeros(len(part))), info) for part, info in half + whole]
     arm = showing_friction({'shoulder': loaded, 'elbow': half + whole})
     assert [len(part) for part, _ in arm['shoulder']] == [len(part) for part, _ in arm['elbow']]
-    with pytest.raises(InputError, match='Record the load'):
-        run_refine([str(tmp_path / 'whole'), '--output', str(tmp_path / 'out')])
-    assert not (tmp_path / 'out').exists()
 
 
 def test_one_recording_needs_no_list_and_a_prompt_shows_the_numbers_and_not_the_samples():
@@ -287,40 +245,197 @@ def test_one_recording_needs_no_list_and_a_prompt_shows_the_numbers_and_not_the_
     shown = repr(refine(samples))
     assert shown == repr(refine([samples]))
     assert len(shown) < 400
-    assert 'torque = ' in shown
     assert 'N·m RMS on data not fitted' in shown
 
 
-def scored(name, every=1):
-    """Return the error on a measured recording of a model refined from samples of another."""
+@needs_data
+@pytest.mark.slow
+@pytest.mark.parametrize(('name', 'every', 'least'), [
+    ('ur10e_joint1', 1, 0.206),
+    # Plain least squares with inertia and offset have 3.3 N.
+    ('emps', 4, 3.3)])
+def test_harmonic_drive_of_a_ur10e_and_ball_screw_of_the_emps_benchmark(name, every, least):
     fit, score = (read_recording(DATA / name / which, None, 1.0, 1.0)[0]
                   for which in ('fit', 'score'))
-    return score.current - refine(
+    error = score.current - refine(
         [fit.take(slice(None, None, every))], drive=Drive(1.0, 1.0)).model.predict(score)
-
-
-@needs_data
-@pytest.mark.slow
-def test_harmonic_drive_of_a_ur10e():
-    error = scored('ur10e_joint1')
-    assert rms(error) < 0.206
-
-
-@needs_data
-@pytest.mark.slow
-def test_ball_screw_of_the_emps_benchmark():
-    error = scored('emps', 4)
-    error = sosfiltfilt(butter(2, 40.0, fs=1000.0, output='sos'), error)
-    # Plain least squares with inertia and offset have 3.3 N.
-    assert rms(error) < 3.3
+    if name == 'emps':
+        error = sosfiltfilt(butter(2, 40.0, fs=1000.0, output='sos'), error)
+    assert rms(error) < least
 
 
 def test_the_current_limit_is_the_largest_that_lasted():
-    from friction_comp.recorded_drive.given import Given, with_current_limit
-
     time = np.arange(300) * 0.01
     recorded = Samples(time=time, position=np.sin(time), current=7.25 * np.cos(time))
     recorded.current[[150, 299]] = 200.0, np.nan
     drive, note = with_current_limit(Given(), Drive(1.0, 1.0), [recorded])
     assert drive.current_limit == pytest.approx(7.25, rel=1e-3)
     assert 'current_limit' in note
+
+
+# The written model.
+
+def with_ripple(seed, lag=0):
+    """Return samples whose current holds cogging and comes some samples late."""
+    samples = swings(seed)
+    current = samples.current + 0.1 * np.cos(14.0 * samples.position)
+    samples = samples.with_(current=np.roll(current, lag), acceleration=None)
+    return samples.take(slice(20, -20))
+
+
+@pytest.mark.parametrize('case', ['plain', 'late', 'given', 'carried'])
+def test_the_model_written_is_the_model_judged(case, tmp_path):
+    """By the file, on the raw recording: its error is the one that the report gives."""
+    samples, model, drive = with_ripple(1), None, None
+    if case == 'late':
+        samples = with_ripple(1, lag=-6)
+    if case == 'given':
+        model = FrictionModel(Drive(0.1, 100.0), Sigmoid(0.4, -0.45, 150.0, 0.0, 0.1),
+                              effects=[EFFECTS['gravity']({'coefficients': [0.1, 0.0]})])
+    if case == 'carried':
+        drive = Drive(0.1, 100.0)
+        samples = samples.with_(current=0.6 * samples.current,
+                                load=0.4 * samples.current * drive.torque_per_current)
+    result = refine([samples], model, drive)
+    result.model.save(tmp_path / 'model.yaml')
+    written = FrictionModel.load(tmp_path / 'model.yaml')
+    error = samples.current - written.predict(samples, same_recording=True)
+    after = result.report.after
+    assert rms(error[result.usable]) == pytest.approx(after.fit_rmse, rel=1e-6)
+    assert after.fit_rmse < 0.025
+    assert after.fit_rmse == pytest.approx(after.held_out_rmse, rel=0.1)
+    assert (written.differentiation.get('lag') is not None) == (case == 'late')
+
+
+@pytest.mark.parametrize('scale', [0.0, 1.0])
+def test_a_weight_that_the_urdf_lacks_stays_beside_friction_by_the_links_load(scale):
+    """A name must not change what the model predicts; `scale` is that of the URDF's torque."""
+    samples = swings(2)
+    links = 0.3 * np.cos(samples.position - 1.2) + 1e-3
+    weight = 0.6 * np.cos(samples.position)
+    current = samples.current + weight + scale * links + (
+        0.15 * np.abs(links) * np.sign(samples.velocity))
+    report = refine([samples.with_(current=current, rigid_body=links)]).report
+    assert report.after.held_out_rmse < 1.2 * 0.02
+    assert 'gravity' in {effect.name for effect in report.effects}
+
+
+@pytest.mark.parametrize('level, factor', [(0.4, 1.25), (0.49, 1.0)])
+def test_breakaway_of_another_day_changes_with_friction(level, factor):
+    """Friction is 0.5 A today: what was 0.4 A then has grown by a quarter, at rest too."""
+    then = FrictionModel(Drive(0.1, 100.0), Sigmoid(level, -level, 150.0, 0.0, 0.2),
+                         breakaway=Breakaway(0.6, -0.56, 0.03, 0.03))
+    result = refine([swings(1)], then)
+    both = result.model.breakaway
+    assert (both.positive_mean, both.negative_mean, both.positive_std) == pytest.approx(
+        (0.6 * factor, -0.56 * factor, 0.03 * factor), rel=0.02)
+    said = [one.text for one in result.report.findings if 'Breakaway friction' in one.text]
+    assert len(said) == (factor != 1.0)
+    assert result.report.friction.breakaway['positive']['mean'] == both.positive_mean
+
+
+def test_the_error_to_expect_elsewhere_is_not_below_that_of_another_recording():
+    result = refine([with_ripple(2)])
+    after = result.report.after
+    for seed in (3, 4):
+        other = with_ripple(seed)
+        assert rms(other.current - result.model.predict(other)) < 1.3 * after.elsewhere_rmse
+    assert after.elsewhere_rmse < 0.04
+    assert max(after.part_rmse) == after.worst_part_rmse >= after.held_out_rmse
+
+
+def test_a_linear_axis_has_no_weight_once_a_turn():
+    samples = swings(6)
+    samples = samples.with_(current=samples.current + 0.4 * np.sin(samples.position))
+    for unit, found in (('N·m', True), ('N', False)):
+        report = refine([samples], unit=unit).report
+        assert ('gravity' in {effect.name for effect in report.effects}) == found
+
+
+# Tables of means at constant speeds.
+
+def sliding(speed, offset=0.0, height=0.0):
+    return (offset + 0.52 * speed + np.sign(speed) * (
+        0.57 + height * np.exp(-np.abs(speed) / 0.1)))
+
+
+SPEEDS = np.array([0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6])
+BOTH = np.concatenate((-SPEEDS, SPEEDS))
+
+
+def fit_of(currents):
+    return fit_steady_states(BOTH, currents, Drive(1.0, 1.0))
+
+
+def test_a_table_of_steady_states_gives_the_friction_with_intervals():
+    inside = total = alarms = 0
+    for seed in range(20):
+        noise = 0.005 * np.random.default_rng(seed).normal(size=len(BOTH))
+        fit = fit_of(sliding(BOTH, offset=0.05) + noise)
+        for name, truth in (('coulomb', 0.57), ('viscous', 0.52), ('offset', 0.05)):
+            total += 1
+            inside += fit.intervals[name][0] <= truth <= fit.intervals[name][1]
+        alarms += fit.is_curved
+        # Viscous friction of a lubricant that thins with the speed is not simply trusted.
+        assert fit_of(0.57 * np.sign(BOTH) + 0.3 * np.arcsinh(BOTH / 0.1) + 2.0 * noise).is_curved
+    assert inside >= 0.85 * total       # 95 % less what choosing among curves costs
+    assert alarms <= 2
+    fit = fit_of(sliding(BOTH, height=0.3) + noise)
+    assert fit.values['stribeck'] == pytest.approx(0.3, abs=0.05)
+    assert fit.values['stribeck_speed'] == pytest.approx(0.1, rel=0.2)
+    assert fit.left_out_rmse < 0.5 * fit.plain_rmse
+    curve = fit.model.current(Samples(BOTH, BOTH, BOTH, velocity=BOTH))
+    assert curve == pytest.approx(sliding(BOTH, height=0.3), abs=0.02)
+    skewed = fit_of(sliding(BOTH) + 0.1 * np.abs(BOTH) + noise)
+    assert skewed.values['viscous_asymmetry'] == pytest.approx(0.1, abs=0.02)
+
+
+def test_refine_reads_a_table_of_steady_states(tmp_path, capsys):
+    path = write(tmp_path / 'table.csv', velocity=1e3 * BOTH, torque=sliding(BOTH))
+    output = tmp_path / 'out'
+    report = report_on(path, output, '--unit', 'velocity=mm/s,effort=N')
+    said = capsys.readouterr().out
+    assert '0.5700 N ' in said
+    assert '0.5200 N·s/m' in said
+    assert 'rad' not in said
+    page = (output / 'report.html').read_text()
+    assert '0.5700 N<' in page
+    assert 'N·m' not in page
+    assert report['friction']['coulomb'] == pytest.approx(0.57, abs=1e-6)
+    model = FrictionModel.load(output / 'model.yaml')
+    assert model.lookup_table['currents'] == pytest.approx(sliding(np.sort(BOTH)).tolist())
+    # One direction cannot tell Coulomb friction from an offset; too few rows are refused.
+    report_on(write(path, velocity=SPEEDS, torque=sliding(SPEEDS)), output)
+    assert 'in one direction only' in capsys.readouterr().out
+    write(path, velocity=SPEEDS[:3], torque=sliding(SPEEDS[:3]))
+    with pytest.raises(InputError):
+        run_refine([str(path), '--output', str(output)])
+
+
+@pytest.mark.parametrize(('sign', 'unit', 'words'), [
+    (1.0, '', 'TRUST: '), (-1.0, '', 'RECORD AGAIN: '), (-1.0, '', 'would have to push'),
+    (1.0, ' [%]', ' 8.000 % ')])
+def test_friction_that_would_push_is_not_trusted_in_means_either(
+        tmp_path, capsys, sign, unit, words):
+    """And per cent stay so."""
+    speed = 9.0 * np.concatenate((-np.linspace(0.2, 3.0, 6), np.linspace(0.2, 3.0, 6)))
+    report_on(write(tmp_path / 'means.csv', **{
+        'motor_speed': speed,
+        f'motor_torque{unit}': sign * (8.0 * np.sign(speed) + 0.03 * speed)}), tmp_path / 'out')
+    said = capsys.readouterr().out
+    assert words in said
+    assert ('would have to push' in said) == (sign < 0.0)
+
+
+@pytest.mark.parametrize(('waves', 'said'), [
+    # As of a public winch, whose positions are turns: 14 and 12 times 2π.
+    ([(87.909, 87.980), (75.350, 75.424)], '14, 12 if position is in turn'),
+    ([(0.2440, 0.2445), (0.7329, 0.7332)], '14, 42 if position is in deg'),
+    ([(13.99, 14.02), (75.350, 75.424)], ''),         # one is no whole number in turns
+    ([(87.96, 88.02), (37.68, 38.01)], ''),           # whole in rad, too
+    ([(87.7, 87.98)], ''),                            # by chance
+    ([], '')])
+def test_ripples_tell_in_which_unit_a_turn_is_one(waves, said):
+    found = list(other_turn([FoundEffect('cogging', 'position', 1.0, 1.0, {}, {
+        'frequency': [*ends]}, None, '', '') for ends in waves]))
+    assert said in found[0].text if said else not found

@@ -1,19 +1,31 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What refinement says of simulated drives: a small part of bench/refine_table.py.
+"""What refinement finds on simulated drives, and how much easier the drive is then to move.
 
-Drives, strengths and constants are random; error is taken on recordings that were not fitted.
+First a small part of bench/refine_table.py: drives, strengths and constants are random; error is
+taken on recordings that were not fitted. Then the loop closed in behaviour: a drive with an
+undeclared effect is recorded and refined, starting from its declared model, and a person moves it
+twice: compensated by the declared model, and by the refined one.
 """
 
+from dataclasses import replace
 import functools
 
+from helpers import note_model
+import numpy as np
 from outside_effects import OUTSIDE
 import pytest
 from refine_table import error, recordings
 
+from friction_comp.compensation.law import CompensationLaw
+from friction_comp.exercise.exercise_script import ReferenceMovement
 from friction_comp.refinement import refine
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.undeclared import Undeclared
+from friction_comp.statistics import rms
 from simulated_recordings.cases import CASES
-from simulated_recordings.drives import random_drive
+from simulated_recordings.closed_loop import closed_loop
+from simulated_recordings.drives import excitation_for, random_drive, record, SimulatedDrive
 
 pytestmark = pytest.mark.slow
 
@@ -22,7 +34,6 @@ SEED = 31
 RECORDED = {'rate': 100.0, 'duration': 60.0}
 # How friction grows within a rest is told from place by more samples.
 MORE = {'rest': {'rate': 125.0, 'duration': 75.0}}
-PAIRS = [('friction_ripple', 'inertia'), ('bump', 'sub_linear')]
 
 
 @functools.cache
@@ -41,7 +52,7 @@ def variables(report):
     return [effect.variable for effect in report.effects]
 
 
-# Lags are found in test_lag.py, and inertia in test_friction_numbers.py.
+# Lags are found in test_intervals.py, and inertia in test_friction_numbers.py.
 @pytest.mark.parametrize('case', [
     case for case in CASES if case not in ('actuation_lag', 'inertia')])
 def test_the_undeclared_effect_is_named_and_removed(case):
@@ -50,16 +61,14 @@ def test_the_undeclared_effect_is_named_and_removed(case):
     assert ratio <= 1.3
 
 
-@pytest.mark.parametrize('pair', PAIRS, ids='+'.join)
-def test_both_of_a_pair_are_named(pair):
-    report, ratio = refined(pair, 33)
+@pytest.mark.parametrize(('pair', 'seed', 'names'), [
+    (('friction_ripple', 'inertia'), 33, None), (('bump', 'sub_linear'), 33, None),
+    # A backlash is no hysteresis though inertia was not known when it was found.
+    (('backlash', 'inertia'), 35, {'backlash', 'inertia'})])
+def test_both_of_a_pair_are_named(pair, seed, names):
+    report, ratio = refined(pair, seed)
     assert set(variables(report)) == {CASES[name].variable for name in pair}
-    assert ratio <= 1.3
-
-
-def test_a_backlash_is_no_hysteresis_though_inertia_was_not_known_when_it_was_found():
-    report, ratio = refined(('backlash', 'inertia'), 35)
-    assert {effect.name for effect in report.effects} == {'backlash', 'inertia'}
+    assert names in (None, {effect.name for effect in report.effects})
     assert ratio <= 1.3
 
 
@@ -87,3 +96,126 @@ def test_what_no_effect_describes_is_traced_to_its_variable(name):
     assert allowed & {entry.variable for entry in report.unexplained} or (
         'signals' in {one.code for one in report.findings})
     assert set(variables(report)) <= allowed or report.verdict != 'trust'
+
+
+THERMAL = {'ambient': 22.0, 'heating': 200.0, 'time_constant': 60.0}
+# Effect, the variable under which it must be found, and whether its recording is under the servo,
+# whose joint has inertia and stiction for refinement to tell apart as well. The drive's friction is
+# 1.2 N·m. One of each kind: speed, place, temperature, history.
+FED_BACK = {
+    'stribeck': ({'amplitude': 0.5, 'velocity': 0.15}, 'velocity', True),
+    'friction_ripple': ({'amplitude': 0.5, 'frequency': 14.0, 'phase': 0.7}, 'position', True),
+    'temperature': ({'coefficient': 0.025, 'reference': 25.0}, 'temperature', False),
+    'hysteresis': ({'torque': 0.6, 'stiffness': 12.0}, 'history', False),
+}
+SAMPLE_TIME = 4e-3  # s, of plant and law in the loop
+
+
+def effect_of(name):
+    return [{'name': name, 'parameters': FED_BACK[name][0]}]
+
+
+def trials(declared, name, seed):
+    """Return recordings of a drive with an effect that its model does not declare."""
+    drive = SimulatedDrive(model=declared, effects=effect_of(name), noise=0.002, presliding=2e-4,
+                           thermal=THERMAL)
+    excitation = excitation_for((name,), rate=125.0, servo=FED_BACK[name][2], duration=60.0)
+    return [trial.samples for trial in record(drive, seed, excitation)]
+
+
+def identified(declared, name):
+    """Return the declared model with the breakaway current that ramps would have shown."""
+    if name != 'stribeck':
+        return declared
+    more = FED_BACK[name][0]['amplitude'] / declared.drive.torque_per_current
+    both = declared.breakaway
+    return replace(declared, breakaway=replace(
+        both, positive_mean=both.positive_mean + more, negative_mean=both.negative_mean - more))
+
+
+def plant_of(declared, name):
+    """Return the simulated joint with the effect that its model file does not declare."""
+    warm = dict(THERMAL, initial=50.0) if name == 'temperature' else None
+    return Plant([declared], seed=3, undeclared=[
+        Undeclared.from_effects(effect_of(name), warm)], sample_time=SAMPLE_TIME)
+
+
+def moved_by_hand(declared, model, name, compensated=True, **changes):
+    """Return RMS over the movements and mean of their peaks of the person's torque, N·m."""
+    movement = ReferenceMovement(
+        **{'repetitions': 1, 'standstill': 1.5, 'compensated': compensated, **changes})
+    log = closed_loop(plant_of(declared, name), CompensationLaw([model], sample_time=SAMPLE_TIME),
+                      movement, movement.duration)
+    squares, peaks = [], []
+    for number in range(2):
+        begin = movement.begins(number)
+        torque = log['interaction_torque'][
+            (log['time'] > begin) & (log['time'] < begin + movement.movement_time), 0]
+        squares.append(np.mean(torque ** 2))
+        peaks.append(np.abs(torque).max())
+    return float(np.sqrt(np.mean(squares))), float(np.mean(peaks))
+
+
+def farthest_untouched(declared, model, name, direction):
+    """Return how far the joint goes, rad, while a direction is announced and nobody touches it."""
+    plant, farthest = plant_of(declared, name), 0.0
+    law = CompensationLaw([model], sample_time=SAMPLE_TIME)
+    for _ in range(round(3.0 / SAMPLE_TIME)):
+        state = plant.state
+        farthest = max(farthest, abs(state.position[0]))
+        announced = [direction if state.time > 0.3 else 0]
+        plant.step(law.update(state.time, state.position, state.velocity, announced,
+                              temperature=state.temperature))
+    return farthest
+
+
+def current_error(model, parts):
+    """Return the RMS in A of measured minus predicted current where the joint moves fast."""
+    errors = []
+    for part in parts:
+        velocity = np.gradient(part.position, part.sample_time)
+        fast = np.abs(np.convolve(velocity, np.ones(9) / 9, 'same')) > 0.05
+        # Each recording begins with a cold motor, so that what fades with time is there in all.
+        errors.append((model.predict(part, same_recording=True) - part.current)[fast])
+    return rms(np.concatenate(errors))
+
+
+@pytest.mark.parametrize('name', FED_BACK)
+def test_the_refined_model_makes_the_drive_easier_to_move(name):
+    declared = note_model(1)
+    known = identified(declared, name)
+    result = refine(trials(declared, name, 1), model=known)
+    assert FED_BACK[name][1] in {effect.variable for effect in result.report.effects}
+    fresh = trials(declared, name, 2)
+    assert current_error(result.model, fresh) < 0.8 * current_error(known, fresh)
+    # The soft person of the model file at ease, and the simulation's default, stiff and brisk.
+    stiff = replace(declared, simulation={
+        key: value for key, value in declared.simulation.items() if key != 'human'})
+    cases = (declared, {}), (stiff, {'acceleration_time': 0.2})
+    if name == 'hysteresis':
+        cases += ((declared, {'compensated': False}),)
+    for joint, changes in cases:
+        rms_before, peak_before = moved_by_hand(joint, known, name, **changes)
+        rms_after, peak_after = moved_by_hand(joint, result.model, name, **changes)
+        if name == 'hysteresis' and joint is not declared:
+            # All help follows over the longest distance that is known, here of 50 mrad, which costs
+            # a stiff and brisk person more than the longer model gives.
+            assert rms_after < 1.1 * rms_before
+            assert peak_after < 1.2 * peak_before
+            continue
+        # Both lie where the law's breakaway term is at work anyway.
+        # Displacement alone takes much of a ripple.
+        most = {'stribeck': 1.0, 'hysteresis': 1.0, 'friction_ripple': 0.85}.get(name, 0.75)
+        assert rms_after < most * rms_before
+        # Starting is hardly easier where breakaway currents do not follow, as with temperature, or
+        # are not compensated at all.
+        hardly = name == 'temperature' or not changes.get('compensated', True)
+        assert peak_after < (1.1 if hardly else 0.95) * peak_before
+    # What influences the breakaway level, or seems to.
+    if name != 'temperature':
+        # Against friction that builds up over 50 mrad, the preload of a drive that has a tenth
+        # less of the rest yields farther before it holds.
+        allowed = 0.2 if name == 'hysteresis' else 0.1
+        for direction in (-1, 1):
+            stronger = replace(result.model, breakaway=result.model.breakaway.times(1.1))
+            assert farthest_untouched(declared, stronger, name, direction) < np.radians(allowed)
