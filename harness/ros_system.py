@@ -95,12 +95,12 @@ class Probe(Node):
         while time.monotonic() < end:
             self._executor_.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
 
-    def matched(self, publisher, count=1):
-        self.until(lambda: publisher.get_subscription_count() >= count,
+    def matched(self, publisher):
+        self.until(publisher.get_subscription_count,
                    f'{publisher.topic_name} finds its subscription')
 
-    def complete(self, future, what, timeout=PATIENCE):
-        self.until(future.done, what, timeout)
+    def complete(self, future, what):
+        self.until(future.done, what)
         return future.result()
 
     def answered(self, send, what, each=5.0, timeout=PATIENCE):

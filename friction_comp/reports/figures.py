@@ -66,11 +66,11 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 @styled
 def panels(labels: Sequence[str], x: str | Sequence[str] = '', heights: float | Sequence[float] = 2,
-           left: float = 0.8, legend_rows: int = 1) -> tuple[Figure, list[Axes]]:
+           legend_rows: int = 1) -> tuple[Figure, list[Axes]]:
     """Create a figure with a panel for each label of an axis of y, one above the other.
 
-    They share the axis of x if `x` is one label. `heights` are of the panels, inches, `left` the
-    room for labels at the left, `legend_rows` the number of rows of the legend above.
+    They share the axis of x if `x` is one label. `heights` are of the panels, inches, `legend_rows`
+    is the number of rows of the legend above.
     """
     count, shared = len(labels), isinstance(x, str)
     sizes = [float(heights)] * count if isinstance(heights, (int, float)) else list(heights)
@@ -83,7 +83,8 @@ def panels(labels: Sequence[str], x: str | Sequence[str] = '', heights: float | 
     axes: list[Axes] = []
     top = height - above
     for k, (label, size) in enumerate(zip(labels, sizes)):
-        place = (left / WIDTH, (top - size) / height, 1.0 - (left + 0.12) / WIDTH, size / height)
+        # At the left is room for labels.
+        place = (0.8 / WIDTH, (top - size) / height, 1.0 - 0.92 / WIDTH, size / height)
         panel = figure.add_axes(place, sharex=axes[0] if axes and shared else None)
         panel.set_ylabel(label)
         last = k == count - 1

@@ -13,7 +13,6 @@ from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-import math
 from pathlib import Path
 import re
 import shlex
@@ -133,12 +132,10 @@ def positive(text: str) -> float:
     return _checked(text, float, lambda value: check_number(value, '', above=0.0))
 
 
-def whole_number(least: int = 1, most: float = math.inf) -> Callable[[str], int]:
-    """Return a type for an argument that is an integer from `least` to `most`."""
-    def read(text: str) -> int:
-        return _checked(text, int, lambda value: check_whole_number(
-            value, '', least=least, most=most))
-    return read
+def whole_number(least: int = 1) -> Callable[[str], int]:
+    """Return a type for an argument that is an integer of at least `least`."""
+    return lambda text: _checked(text, int, lambda value: check_whole_number(
+        value, '', least=least))
 
 
 def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) -> T:
