@@ -71,16 +71,6 @@ def _beta_share(x: float, a: float, b: float) -> float:
     return front * fraction
 
 
-def holm(p_values: Sequence[float]) -> np.ndarray:
-    """Return p-values, shape (N,), adjusted for their number by the method of Holm (1979)."""
-    values = np.asarray(p_values, dtype=float)
-    order = np.argsort(values, kind='stable')
-    adjusted = np.empty(len(values))
-    adjusted[order] = np.minimum(np.maximum.accumulate(
-        values[order] * np.arange(len(values), 0, -1)), 1.0)
-    return adjusted
-
-
 def rms(values: np.ndarray) -> float:
     """Return the root mean square; NaN of an empty array."""
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else np.nan

@@ -16,7 +16,7 @@ from friction_comp.identification.curves import fit_sigmoid, sigmoid_error
 from friction_comp.model.differentiation import differentiate, prepared_signal
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
-from friction_comp.statistics import holm, top_speed
+from friction_comp.statistics import top_speed
 
 # Drive, samples, sigmoid, statistics, and the checks of numbers from outside.
 
@@ -87,12 +87,6 @@ def test_rests_lower_the_top_speed_by_no_more_than_half(rests, seed):
     noise = 1e-6 * random.random(rests)
     assert 0.2 < top_speed(np.concatenate((speed, noise))) <= top_speed(speed) < 0.5
     assert top_speed(np.zeros(rests)) == 0.0
-
-
-def test_holm_adjusts_each_p_value_for_the_tests_that_are_left():
-    np.testing.assert_allclose(holm([0.01, 0.04, 0.03, 0.005]), [0.03, 0.06, 0.06, 0.02])
-    assert holm([0.6, 0.9]).tolist() == [1.0, 1.0]
-    assert holm([]).size == 0
 
 
 @given(st.floats(), st.floats(-10, 10), st.floats(0, 20))

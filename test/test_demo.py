@@ -103,23 +103,6 @@ def scene(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_two_joints_turn_round_with_their_directions_announced(scene, capsys):
-    found = scene('two_joints')
-    assert [one['joint'] for one in found['joints']] == ['shoulder', 'elbow']
-    for one in found['joints']:
-        # The elbow turns round on the way: in both directions, announced and not.
-        assert {(c['law'], c['direction'] != 0) for c in one['conditions']} == {
-            ('kinetic', True), ('continuous', True)}
-        # Set in motion from rest. The elbow's negative movement begins at the reversal, where the
-        # law has little time between the announcement and the movement.
-        peaks = {c['law']: c['peak_torque'] for c in one['conditions']
-                 if c['movement'] == 'positive'}
-        assert peaks['continuous'] < 0.75 * peaks['kinetic']
-        assert one['peak_reduction'] is not None
-    assert 'elbow: peak' in capsys.readouterr().out
-
-
-@pytest.mark.slow
 def test_a_hand_that_goes_to_and_fro_feels_less_friction_than_with_a_hyperbolic_tangent(
         scene, monkeypatch):
     monkeypatch.setattr(scenes, 'WAYS', [

@@ -77,8 +77,8 @@ def test_a_closed_pipe_costs_only_printed_text(tmp_path):
 def test_an_output_that_cannot_be_written_is_told_before_the_work(tool, tmp_path):
     (tmp_path / 'file').write_text('')
     for output in (tmp_path / 'file' / 'below', '/proc/nobody_writes_here/below'):
-        arguments = [] if tool in (reproduce, demo) else [
-            str(tmp_path / 'none.mcap'), '--model', str(tmp_path / 'none.yaml')]
+        arguments = [] if tool in (reproduce, demo) else [str(tmp_path / 'none.mcap')]
+        arguments += ['--model', str(tmp_path / 'none.yaml')] if tool in (predict, refine) else []
         with pytest.raises(InputError, match='cannot be written to'):
             tool.main([*arguments, '--output', str(output)])
     assert [path.name for path in tmp_path.iterdir()] == ['file']
@@ -126,7 +126,7 @@ def swinging(tmp_path):
 
 
 @pytest.mark.parametrize(('tool', 'arguments'), [
-    *((tool, ['elbow', '--model', 'wrist.yaml']) for tool in ('evaluate', 'predict', 'refine')),
+    *((tool, ['elbow', '--model', 'wrist.yaml']) for tool in ('predict', 'refine')),
     ('export', ['arm.yaml', '--to', 'urdf', '--joint', 'knee']),
     ('excite', ['--model', 'arm.yaml', '--joint', 'knee', '--position', -1, 1, '--velocity', 1,
                 '--acceleration', 5])])

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from friction_comp.arm.whole_arm import ArmResult
-from friction_comp.evaluation.conditions import evaluate, FEWEST
+from friction_comp.evaluation.conditions import evaluate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import number, quantity
 from friction_comp.refinement.result import FoundEffect, RefineResult
@@ -142,9 +142,8 @@ def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
         for trial, colour in zip(trials, _TRIAL_COLOURS):
             for condition in trial.evaluation.conditions:
                 if condition.movement == movement:
-                    enough = condition.repetitions >= FEWEST
-                    band(axis, condition.time, condition.torque, enough * condition.torque_std,
-                         colour, trial.title)
+                    band(axis, condition.time, condition.torque, condition.torque_std, colour,
+                         trial.title)
         zero(axis)
         shade_waiting(axis, -1.0)
     legend(axes[0], 2)
@@ -241,7 +240,7 @@ def loops_figure(trials: dict[str, HandTrial]) -> Figure:
     return figure
 
 
-# Exercises of several joints.
+# An arm that is taught.
 
 @styled
 def exercise_figure(shown: Mapping[str, Samples]) -> Figure:

@@ -26,7 +26,6 @@ from friction_comp.demo.pages import (
 from friction_comp.demo.processes import SAMPLE_TIME
 from friction_comp.demo.system import DemoSystem
 from friction_comp.errors import InputError
-from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.exercise.taught_exercise import teach
 from friction_comp.files import to_yaml, write_atomically
 from friction_comp.model.friction_model import FrictionModel
@@ -37,8 +36,6 @@ from friction_comp.package_files import package_file
 from friction_comp.parallel import child_process
 from friction_comp.recordings.reader import read_arm, read_recording
 from friction_comp.refinement import refine, RefineResult
-from friction_comp.reports.evaluation_page import evaluation_page, peaks_of
-from friction_comp.reports.html import without_marks
 from friction_comp.samples import Samples
 from friction_comp.terminal import progress
 
@@ -157,42 +154,12 @@ def refined_model(recording: Path, model_file: Path) -> RefineResult:
     return refine([recorded(recording)], model, model.drive)
 
 
-# Several joints: an exercise with reversals, and an arm.
+# An arm.
 
 # Joints of the arm, with the note's configuration whose drive they have.
 ARM = {'turn': 1, 'lift': 2, 'bend': 1}
 # A person who holds the arm at its cuff: N·m/rad, N·m·s/rad, s.
 PERSON = {'stiffness': 60.0, 'damping': 6.0, 'response_time': 0.04}
-
-
-def play_two_joints(system: DemoSystem) -> None:
-    """Play an exercise with reversals, without and with the directions announced."""
-    joints = ['shoulder', 'elbow']
-    models = [package_file('config', f'armin_configuration_{k}.yaml') for k in (1, 2)]
-    exercise = package_file('config', 'exercises', 'two_joints.yaml')
-    system.log('starts two simulated joints, a shoulder and an elbow, and the compensator')
-    system.start_plant(joints, models)
-    system.start('compensator', *models, law='kinetic')
-    for law, title in (('kinetic', 'kinetic friction only'),
-                       ('continuous', 'each direction announced as it changes')):
-        system.ros.set_parameter('compensator', 'law', law)
-        system.record(law, title, system.arguments.repetitions, exercise_file=exercise)
-    system.nodes.stop('compensator', 'plant')
-
-    evaluations = evaluate_recordings([system.output / 'recordings'])
-    gains = {joint: FrictionModel.load(path).drive.torque_per_current
-             for joint, path in zip(joints, models)}
-    shown = _recorded_joints(system.recording('continuous'), gains)
-    page = evaluation_page(evaluations, f'Two joints that reverse on the way: {exercise.stem}')
-    page.heading('The exercise')
-    page.figure(pages.exercise_figure(shown), 'Positions shown to the person (broken) and of the '
-                'joints, and announced directions.')
-    compared = {one.joint: peaks_of(one) for one in evaluations}
-    system.finish(
-        page, {'joints': [one.as_dict() for one in evaluations]},
-        *(without_marks('{}: peak {} with kinetic friction only, {} with the direction announced'
-                        .format(joint, *peaks.texts()))
-          for joint, peaks in compared.items() if peaks))
 
 
 def play_arm(system: DemoSystem) -> None:

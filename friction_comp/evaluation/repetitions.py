@@ -53,7 +53,7 @@ FIGURES = {
     'peak_torque': ('peak torque', 'N·m'), 'peak_time': ('time of the peak', 's'),
     'rms_torque': ('RMS torque', 'N·m'),
     'constant_velocity_torque': ('torque at constant velocity', 'N·m'),
-    'residual_current': ('residual current', 'A'), 'onset': ('onset after reference', 's')}
+    'onset': ('onset after reference', 's')}
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,6 @@ class Repetition:
     moved: bool
     # Whether the joint started during the standstill, as far as known without being pushed.
     false_start: bool
-    place: int = 0  # in order of time among all movements, those of other days far away
     # 'load', 'position' and 'reference_position', where recorded, at `curve_times`; NaN beyond the
     # recording and before the standstill.
     curves: dict[str, np.ndarray] = field(default_factory=dict)
@@ -219,9 +218,8 @@ def curve_times(duration: float, beyond: float = 0.0) -> np.ndarray:
     return np.arange(-round(_LEAD / _STEP), round((1.0 + beyond) * duration / _STEP) + 1) * _STEP
 
 
-def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo,
-            residual: np.ndarray | None) -> Repetition:
-    """Measure one movement; `residual` is a model's minus the commanded current, A, (N,)."""
+def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo) -> Repetition:
+    """Measure one movement of a recording called `name`."""
     part = _between(samples.time, movement.begin, movement.end)
     has_reference = samples.reference_position is not None or samples.reference_velocity is not None
     onset = _onset(samples, movement) if has_reference else None
@@ -231,8 +229,6 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
         figures['rms_torque'] = rms(samples.load[part])
         figures |= torque_figures(samples.time[whole], samples.load[whole], movement, onset,
                                   has_reference)
-    if residual is not None:
-        figures['residual_current'] = rms(residual[part])
     if onset is not None:
         figures['onset'] = onset - movement.begin
     moved = onset is not None or not has_reference

@@ -15,19 +15,17 @@ from friction_comp.tools.common import Arguments, whole_number
 
 SCENES = {
     'loop': 'from identification to the refined model',
-    'two_joints': 'an exercise of two joints that reverse',
     'arm': 'an arm is taught by hand (MuJoCo)',
     'to_and_fro': 'a hand leads a joint, with several laws'}
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one scene of the demo and write its report; returns 0."""
-    parser = Arguments('demo', __doc__, ('', '--scene two_joints'))
+    parser = Arguments('demo', __doc__, ('', '--scene arm'))
     parser.add_argument('--output', metavar='DIR', type=Path, default=Path('friction_comp_demo'),
                         help='file or folder for the results (%(default)s)')
     parser.add_argument('--repetitions', metavar='N', type=whole_number(), default=3,
-                        help='movements in each direction, or repetitions of the exercise '
-                        '(%(default)s)')
+                        help='movements in each direction, of the loop (%(default)s)')
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=1,
                         help="seed of the simulated joint's noise and scatter (%(default)s)")
     parser.add_argument('--scene', choices=SCENES, default='loop',

@@ -4,27 +4,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, layout_of, write_results
 
 
 def main(argv: list[str] | None = None) -> int:
     """Write report.json, report.html and repetitions.csv; returns 0."""
-    parser = Arguments('evaluate', __doc__, (
-        'examples/elbow --output output/evaluation',
-        'examples/elbow --model config/armin_configuration_2.yaml --output output/weeks')
-    ).add_recordings().add_output()
-    parser.add_argument(
-        '--model', metavar='FILE', type=Path,
-        help='model file of the joint or arm')
-    arguments = parser.parse(argv)
+    arguments = Arguments('evaluate', __doc__, ('examples/elbow --output output/evaluation',)
+                          ).add_recordings().add_output().parse(argv)
     from friction_comp.evaluation.conditions import evaluate_recordings, repetitions_csv
 
     with progress('reading') as report:
         evaluations = evaluate_recordings(
-            arguments.recordings, arguments.joint, layout_of(arguments), arguments.model,
+            arguments.recordings, arguments.joint, layout_of(arguments),
             lambda share: report(0.9 * share))
         report(0.9, 'writing')
         from friction_comp.reports.evaluation_page import evaluation_page, terminal_lines
