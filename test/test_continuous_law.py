@@ -3,22 +3,25 @@
 """The continuous law: passive on every path, and what a hand, a gear and a planner get from it."""
 
 from dataclasses import replace
+import importlib
 import math
+import os
+from pathlib import Path
 
 from helpers import drive_along
 from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
+from friction_comp import compensation, simulation
 from friction_comp.compensation.law import CompensationLaw, law_parameters
-from friction_comp.compensation.law_kernel import LATE
+from friction_comp.compensation.law_kernel import EARLY, FILL, LATE, LATER, REST_TIME, STILL
 from friction_comp.compensation.law_parameters import (
     knows_presliding,
     LARGEST_SHARE,
     LEAST_SHARE,
     SHARE,
 )
-from friction_comp.compensation.tank_operator import EARLY, FILL, LATER, REST_TIME, STILL
 from friction_comp.model.effects.kinds import Hysteresis
 from friction_comp.model.friction_model import Presliding
 from friction_comp.model.measured import Recorded
@@ -219,6 +222,21 @@ def test_the_share_follows_what_the_model_says_of_its_certainty():
         law = CompensationLaw([replace(small_model(), uncertainty=unknown)])
         assert law.guards['share'] == pytest.approx([share])
         assert drive_along(law, 3e-4 * np.arange(400))[-1] == pytest.approx(share * LEVEL, rel=0.01)
+
+
+@pytest.mark.parametrize('room', [compensation, simulation])
+def test_who_edits_the_law_does_not_run_what_was_compiled_before(room):
+    """Numba looks at a function's own file only."""
+    folder = Path(room.__file__).parent / '__pycache__'
+    folder.mkdir(exist_ok=True)
+    old, new = folder / 'old.nbi', folder / 'new.nbi'
+    old.touch()
+    new.touch()
+    os.utime(old, (0.0, 0.0))
+    importlib.reload(compensation)
+    assert new.exists()
+    assert not old.exists()
+    new.unlink()
 
 
 @pytest.mark.parametrize('presliding, known', [

@@ -73,6 +73,8 @@ def release(bank, law):
         count('let go, model ≤ 1.10: gains speed', joints, found['gained'], which=factor <= 1.10),
         count('let go, model ≤ 1.05: not at rest in 6 s', joints, found['moving'], 0.01,
               which=factor <= 1.05),
+        count('let go, model of 1.10: not at rest in 6 s', joints, found['moving'], 0.01,
+              which=factor == 1.1),
         count('let go, model ≤ 1.43: beyond 1.25 of the identified speeds', joints,
               found['beyond']),
         count('let go, friction 0.70 of the model: still moves after 6 s', joints,

@@ -20,57 +20,35 @@ _ARM_SIGNALS = {'rigid_body', 'coupling'}
 
 
 class Currents(NamedTuple):
-    """The currents of a joint's effects, A.
+    """The currents of a joint's effects, A."""
 
-    Attributes
-    ----------
-    forward, backward : float
-        Friction's current in the positive and the negative direction of sliding.
-    carried : float
-        Current that does not depend on the direction.
-    shifts : tuple of float
-        Corrections of the magnitudes of the breakaway currents at this position.
-    missing : list of (str, tuple of str)
-        Effects left out, with the missing signals; no signals if the value is not finite.
-    """
-
+    # Friction's in the positive and the negative direction of sliding.
     forward: float
     backward: float
+    # What does not depend on the direction.
     carried: float
+    # Corrections of the magnitudes of the breakaway currents at this position.
     shifts: tuple[float, float]
+    # Effects left out, with the missing signals; no signals if the value is not finite.
     missing: list[tuple[str, tuple[str, ...]]]
 
 
 class EffectCurrents:
-    """The effects of one joint's model that are applied.
+    """The effects of one joint's model that are applied: `terms`, effects with their live term.
 
-    Parameters
-    ----------
-    model : FrictionModel
-    why_left_out : callable
-        Returns why an effect is not applied; empty where it is.
-
-    Attributes
-    ----------
-    terms : list of (Effect, LiveTerm)
-        Those that are applied.
-    breakaway_positions : tuple of float, or None
-        Positions at which the positive and negative breakaway currents were measured, rad.
+    `why_left_out` returns why an effect is not applied; empty where it is.
     """
 
     def __init__(self, model: FrictionModel, why_left_out: Callable[[Effect], str]) -> None:
         self.terms = [
             (effect, LiveTerm(effect)) for effect in model.effects if not why_left_out(effect)]
         both = model.breakaway
-        self.breakaway_positions: tuple[float, float] | None = None
+        # Where the positive and negative breakaway currents were measured, rad.
+        self._places: tuple[float, ...] = ()
         if both is not None and both.positive_position is not None and (
                 both.negative_position is not None):
-            self.breakaway_positions = (both.positive_position, both.negative_position)
-
-    @property
-    def carrying(self) -> list[str]:
-        """Names of the effects that carry."""
-        return [effect.name for effect, _ in self.terms if effect.role == CARRIES]
+            self._places = both.positive_position, both.negative_position
+        self.carrying = [effect.name for effect, _ in self.terms if effect.role == CARRIES]
 
     def reset(self) -> None:
         """Forget the motion."""
@@ -81,15 +59,9 @@ class EffectCurrents:
            by_direction: bool = True) -> Currents:
         """Return the currents of the effects.
 
-        Parameters
-        ----------
-        time, position, speed : float
-            s, rad, rad/s.
-        signals : dict
-            ``temperature``, ``load``, ``rigid_body`` and ``coupling``, None if unknown.
-        by_direction : bool
-            Whether friction is given for both directions of sliding, as the continuous law needs
-            it; otherwise for that of the speed, in `carried`.
+        `signals` are ``temperature``, ``load``, ``rigid_body`` and ``coupling``, None if unknown.
+        `by_direction`: friction is given for both directions of sliding, as the continuous law
+        needs it; otherwise for that of the speed, in `carried`.
         """
         forward = backward = carried = 0.0
         shifts, missing = [0.0, 0.0], []
@@ -105,28 +77,25 @@ class EffectCurrents:
                 continue
             forward, backward = forward + parts[0], backward + parts[1]
             carried += parts[2]
-            for side, value in enumerate(self._shift(effect, term, time, position, signals)):
-                shifts[side] += value
+            # Terms with memory, and torques of the whole arm, cannot be evaluated elsewhere.
+            if not (term.has_memory or _ARM_SIGNALS & set(term.needs)):
+                for side, place in enumerate(self._places):
+                    shifts[side] += self._shift(effect, term, time, position, place, side, signals)
         return Currents(forward, backward, carried, (shifts[0], shifts[1]), missing)
 
-    def _shift(self, effect: Effect, term: LiveTerm, time: float, position: float,
-               signals: dict[str, float | None]) -> tuple[float, float]:
-        """Return by how much more current breaks the joint free here than where that was measured.
+    @staticmethod
+    def _shift(effect: Effect, term: LiveTerm, time: float, position: float, place: float,
+               side: int, signals: dict[str, float | None]) -> float:
+        """Return by how much more current breaks the joint free here than where it was measured.
 
-        In A, in positive direction, and in negative direction by magnitude.
+        In A, of the positive (0) or negative direction, by magnitude.
         """
-        # Terms with memory, and torques of the whole arm, cannot be evaluated at another position.
-        if self.breakaway_positions is None or term.has_memory or _ARM_SIGNALS & set(term.needs):
-            return 0.0, 0.0
-        shifts = []
-        for elsewhere, sign in zip(self.breakaway_positions, (1.0, -1.0)):
-            if effect.role == CARRIES:
-                # It is applied at rest anyway, so it is removed from the level measured with it.
-                shifts.append(-sign * term.update(time, elsewhere, 0.0, **signals))
-                continue
+        if effect.role == CARRIES:
+            # It is applied at rest anyway, so it is removed from the level measured with it.
+            value = (2.0 * side - 1.0) * term.update(time, place, 0.0, **signals)
+        else:
             # Half of the difference of the sides resists; their mean acted there as well.
             here, there = (0.5 * (forward - backward) for forward, backward in (
-                term.both_sides(time, x, 0.0, **signals) for x in (position, elsewhere)))
-            shifts.append(here - there)
-        positive, negative = (value if math.isfinite(value) else 0.0 for value in shifts)
-        return positive, negative
+                term.both_sides(time, x, 0.0, **signals) for x in (position, place)))
+            value = here - there
+        return value if math.isfinite(value) else 0.0

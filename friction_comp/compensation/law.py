@@ -66,8 +66,6 @@ class CompensationLaw:
         self._states = zeros(self.joints, STATE)
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [EffectCurrents(model, self._why_left_out) for model in self.models]
-        # For calls of `update` without an end or a velocity.
-        self._endless, self._still = np.full(self.joints, math.nan), np.zeros(self.joints)
         self._carried = np.zeros(self.joints)
         self.missing: list[tuple[int, str, tuple[str, ...]]] = []
         self.retune(law, breakaway_gain, current_limit)
@@ -79,10 +77,9 @@ class CompensationLaw:
 
     @property
     def terms(self) -> dict[str, np.ndarray]:
-        """The parts of the last sample's current, A, each of shape (J,).
+        """The parts of the last current, A, (J,): ``friction`` and ``effects`` that carry.
 
-        ``friction`` and ``effects``; their sum is the current unless a limit is reached. Under the
-        continuous law effects that resist motion are part of the first.
+        Their sum is the current unless a limit is reached.
         """
         return {'friction': self._states['friction'].copy(), 'effects': self._carried}
 
@@ -102,11 +99,10 @@ class CompensationLaw:
     def guards(self) -> dict[str, np.ndarray]:
         """What limits the current, per joint.
 
-        ``share``: of friction that is fed forward, by how sure the model is; ``taken back``: share
-        of that removed because the drive slipped under its preload, or went on beyond the
-        identified speeds; ``samples dropped``: number of implausible samples; ``in doubt``: whether
-        these cause zero current; ``beyond the end``: whether it has been beyond the announced end
-        of its movement.
+        ``share``: of friction that is fed forward; ``taken back``: share of that removed because
+        the drive slipped under its preload, or went on beyond the identified speeds; ``samples
+        dropped``: number of implausible ones; ``in doubt``: whether these cause zero current;
+        ``beyond the end``: whether it has been beyond the announced end of its movement.
         """
         s = self._states
         return {
@@ -144,20 +140,20 @@ class CompensationLaw:
             Motor current in A; 0 for a joint whose sample is not finite.
         """
         position = self._row(position, 'position')
-        known = velocity is not None
-        velocity = self._still if velocity is None else self._row(velocity, 'velocity')
+        kernel.observe_bank(
+            self._parameters, self._states, float(time), position,
+            self._row(0.0 if velocity is None else velocity, 'velocity'), velocity is not None,
+            self._usable)
         direction = self._row(direction, 'direction')
-        end = self._endless if end is None else self._row(end, 'end')
-        pushed = self._still if is_pushed is None else self._row(is_pushed, 'is_pushed')
-        temperature = None if temperature is None else self._row(temperature, 'temperature')
-        load = None if load is None else self._row(load, 'load')
-        kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,
-                            known, self._usable)
+        end = self._row(math.nan if end is None else end, 'end')
+        pushed = self._row(0.0 if is_pushed is None else is_pushed, 'is_pushed')
+        warmth = self._row(math.nan if temperature is None else temperature, 'temperature')
+        torque = self._row(math.nan if load is None else load, 'load')
         forward, backward, carried = np.zeros((3, self.joints))
         self.missing = []
         for j, effects in enumerate(self._effects):
             if effects.terms and self._usable[j] and self._parameters[j]['law'] != NONE:
-                signals = {'temperature': _entry(temperature, j), 'load': _entry(load, j),
+                signals = {'temperature': _known(warmth[j]), 'load': _known(torque[j]),
                            **self._arm_signals(j, position)}
                 forward[j], backward[j], carried[j] = self._effect_currents(j, float(time), signals)
         current = np.empty(self.joints)
@@ -218,7 +214,6 @@ class CompensationLaw:
 
     def _effect_currents(self, joint: int, time: float, signals: dict[str, float | None]
                          ) -> tuple[float, float, float]:
-        """Return the currents of the joint's effects: forward, backward and carried, A."""
         p, s, effects = self._parameters[joint], self._states[joint], self._effects[joint]
         currents = effects.at(time, float(s['position']), float(s['speed']), signals,
                               bool(p['law'] >= CONTINUOUS))
@@ -249,14 +244,13 @@ class CompensationLaw:
 
     def _row(self, values: ArrayLike, name: str) -> np.ndarray:
         row = np.asarray(values, dtype=float)
-        if row.shape == (self.joints,):
-            return row
-        if row.ndim:
+        if not row.ndim:
+            return np.full(self.joints, row)
+        if row.shape != (self.joints,):
             raise InputError(
                 f'{name} needs {self.joints} values, one a joint, not shape {row.shape}')
-        return np.broadcast_to(row, self.joints).astype(float)
+        return row
 
 
-def _entry(row: np.ndarray | None, joint: int) -> float | None:
-    """Return a joint's value of an optional signal, None where it is not known."""
-    return float(row[joint]) if row is not None and math.isfinite(row[joint]) else None
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

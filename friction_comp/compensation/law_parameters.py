@@ -39,7 +39,7 @@ DEFAULT_FASTEST = math.radians(100.0)
 
 def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain: float = 0.9,
                    current_limit: float | None = None, sample_time: float = 1e-3) -> np.ndarray:
-    """Return the kernel's parameters of one joint.
+    """Return the kernel's parameters of one joint: law_fields.PARAMETERS, shape (1,).
 
     Parameters
     ----------
@@ -54,15 +54,6 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
         A; the drive's own when omitted or larger.
     sample_time : float
         Expected s between samples, used for the first one.
-
-    Returns
-    -------
-    ndarray of law_fields.PARAMETERS, shape (1,)
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range.
     """
     if law not in LAWS:
         raise InputError(f'law must be one of {", ".join(LAWS)}, not {law!r}')
@@ -80,7 +71,9 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     for name in ('upper', 'lower', 'steepness', 'shift', 'viscous'):
         p[name] = getattr(model.sigmoid, name)
     p['gain'] = breakaway_gain if model.breakaway is not None else 0.0
-    p['share'] = share_of(model)
+    unknown = model.friction_uncertainty
+    p['share'] = SHARE if unknown is None else min(
+        LARGEST_SHARE, max(LEAST_SHARE, 1.0 - 2.0 * unknown))
     set_breakaway(p[0], model.breakaway)
     _set_distances(p, model)
     p['identified'] = max(model.largest_speed(DEFAULT_FASTEST),
@@ -90,29 +83,14 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     return p
 
 
-def share_of(model: FrictionModel) -> float:
-    """Return the share of friction that is fed forward: 1 minus what is not known of it."""
-    unknown = model.friction_uncertainty
-    if unknown is None:
-        return SHARE
-    return min(LARGEST_SHARE, max(LEAST_SHARE, 1.0 - 2.0 * unknown))
-
-
 def set_breakaway(p: np.void, breakaway: Breakaway | None,
                   shifts: tuple[float, float] = (0.0, 0.0)) -> None:
     """Set the breakaway friction at this position in a joint's parameters.
 
-    Parameters
-    ----------
-    p : record of law_fields.PARAMETERS
-        Changed in place.
-    breakaway : Breakaway or None
-        Without it nothing is led at rest, and near standstill nothing is known but that friction
-        is unlikely to be less than eight tenths of sliding friction.
-    shifts : tuple of float
-        What to add to the magnitudes of the positive and negative mean, A.
+    `shifts` are added to the magnitudes of the positive and negative mean, A.
     """
     if breakaway is None:
+        # Near standstill nothing is known but that friction is unlikely to be less.
         p['break_positive'], p['break_negative'] = 0.8 * p['upper'], -0.8 * p['lower']
         return
     p['break_positive'] = max(0.0, breakaway.positive_mean + shifts[0])
