@@ -132,21 +132,6 @@ def test_presliding_loops_close_and_hold_the_joint():
     assert np.all(np.abs(x[-1]) < gears['presliding'] + gears['link_bristle'])
 
 
-def test_a_joint_that_slid_holds_again_both_ways_and_finds_another_breakaway():
-    gears = plain_gears(draws=2)
-    gears['scatter'] = 0.02
-    plant = Plant(gears, nobody(len(gears)), EVEN)
-    before = plant.states['breakaway_factor'].copy()
-    push(plant, lambda t: 0.5 * level(gears), 0.5)
-    assert np.array_equal(plant.states['breakaway_factor'], before)
-    push(plant, lambda t: 1.5 * level(gears) * (t < 0.7), 1.0)
-    assert not np.any(plant.states['breakaway_factor'] == before)
-    for sign in (-1.0, 1.0):
-        push(plant, lambda t, sign=sign: sign * 0.8 * level(gears), 0.3)
-        x = push(plant, lambda t, sign=sign: sign * 0.8 * level(gears), 0.5)['motor']
-        assert np.all(np.ptp(x, axis=0) < 0.2 * gears['presliding'] + 2e-5)
-
-
 @pytest.mark.parametrize('name', ['gear', 'mujoco_gear'])
 def test_a_joint_rests_until_a_person_who_holds_it_begins(name):
     """Else persons would pull joints, and let go of those that they are to push, before time."""

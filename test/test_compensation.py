@@ -133,26 +133,6 @@ def test_a_new_model_comes_in_without_a_jump():
     assert currents[-1] == pytest.approx((SHARE - LATE) * float(other.sigmoid(0.5)), rel=0.01)
 
 
-def test_a_new_model_is_trusted_anew_and_shows_at_rest_whether_its_drive_holds_it():
-    law, step, position = CompensationLaw([note_model(1)]), 1e-3, 0.0
-    taken, currents = [], []
-    for k in range(2400):
-        if k == 1200:
-            before = taken[-1]
-            law.set_model(0, note_model(1))
-        # The joint gives way as soon as it is led, both times.
-        if k % 1200 in range(170, 270):
-            position += 20e-3 * step
-        currents.append(law.update(k * step, [position], None, [1])[0])
-        taken.append(law.guards['taken back'][0])
-    assert before > 0.29
-    assert taken[1201] == 0.0
-    # It is led again: the current begins at none, and no jump starts the joint.
-    assert min(currents[1200:1260]) < 0.15 * currents[1199]
-    assert np.abs(np.diff(currents)).max() < 0.12 * max(currents)
-    assert taken[-1] > 0.05
-
-
 def test_an_effect_without_its_signal_is_left_out_until_the_signal_comes():
     """The list says so, and the current turns over within its slope limit."""
     model = replace(note_model(2), effects=[

@@ -112,7 +112,7 @@ def test_announcements_that_flicker_at_rest_do_not_shake_the_joint(period, low):
     assert drive_along(law, np.zeros(1000), -1, begin=4000)[-1] == pytest.approx(
         -0.9 * LEVEL, rel=1e-2)
     # Nor does a flicker of one count take the preload.
-    flicker = drive_along(law, -COUNT * (np.arange(600) // 7 % 2), -1, begin=5000)
+    flicker = drive_along(law, COUNT * (np.arange(600) // 7 % 2), -1, begin=5000)
     np.testing.assert_allclose(flicker, -0.9 * LEVEL, rtol=2e-2)
 
 

@@ -378,33 +378,6 @@ def test_a_contact_of_little_damping_does_not_creep_under_the_stairs(damping, di
     assert found.presliding.std < (0.25 if damping else 0.6) * distance
 
 
-@given(st.lists(st.tuples(st.floats(0.1, 1.0), st.floats(1e-4, 1e-3)), min_size=1, max_size=6))
-def test_presliding_is_the_mean_after_slides_in_both_directions(elements):
-    """Maxwell-slip elements after a slide either way: by Masing's rule the mean is the farthest."""
-    share = np.array([s for s, _ in elements]) / sum(s for s, _ in elements)
-    distance = np.array([d for _, d in elements])
-
-    def torque(state):
-        return float(np.sum(share * state / distance))
-
-    def moved(state, way):
-        return np.clip(state + way, -distance, distance)
-
-    def way_to(state, goal):
-        low, high = 0.0, 4e-3
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if torque(moved(state, middle)) >= goal else (middle, high)
-        return high
-
-    # At rest after a slide in positive direction: turned back until nothing is left of it.
-    back = way_to(-distance, 0.0)
-    rest = -moved(-distance, back)
-    ways = np.array([way_to(rest, 1.0 - 1e-9), way_to(-rest, 1.0 - 1e-9)])
-    assert combined_presliding(ways, ONE_EACH, COUNT)[0] == pytest.approx(
-        float(distance.max()), rel=1e-3)
-
-
 @pytest.mark.parametrize('backlash', [2.5e-4, 1e-3])
 def test_backlash_is_reported_with_its_size_and_excluded_from_breakaway(backlash):
     """The longer one is crossed in a slide of the rotor alone."""

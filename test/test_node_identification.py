@@ -20,13 +20,12 @@ from ros_system import BEST_EFFORT, FakeDriver, Goals, joint_state, MODELS, own_
 from std_msgs.msg import Float64MultiArray
 import yaml
 
-from friction_comp.control.joint_states import AGAIN, JointStateInput, NEW, STALE
 from friction_comp.errors import InputError
 from friction_comp.identification.goal import Carried, GOAL_LIMITS, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.identification import identification_goal, IdentificationNode, RunningGoal
+from friction_comp.nodes.identification import identification_goal, IdentificationNode
 from friction_comp.ros.node_parts import described
 from friction_comp.simulation.joint import Plant
 
@@ -148,9 +147,7 @@ def test_a_cancelled_goal_leaves_zero_current_and_no_file(system):
     assert 'cancel' in outcome.result.message
     assert list(system.probe.all_heard('current_command')[-1].data) == [0.0, 0.0]
     assert not system.models.exists()
-
-
-def test_a_goal_that_is_cancelled_before_it_starts_does_not_move_the_joint(system):
+    # One that is cancelled before it starts does not move the joint.
     assert system.cancel_at_once(**GOAL).status == GoalStatus.STATUS_CANCELED
 
 
@@ -242,44 +239,3 @@ def test_what_was_measured_is_not_lost_with_its_file(tmp_path):
     assert not result.model_file
     document = yaml.safe_load(logged[0].partition('\n')[2])
     assert FrictionModel.from_dict(document).breakaway == run.result().breakaway
-
-
-@pytest.mark.parametrize(('verdict', 'wrong', 'simulated', 'reason'), [
-    (NEW, '', False, 'joint_states fell silent'), (AGAIN, '', False, 'joint_states fell silent'),
-    (STALE, 'joint_states are 0.3 s old', False, 'joint_states are 0.3 s old'),
-    (NEW, '', True, None)])
-def test_a_silence_ends_a_goal_whatever_comes_next(verdict, wrong, simulated, reason):
-    ended = []
-    node = SimpleNamespace(
-        _simulated=simulated,
-        _states=SimpleNamespace(wrong=wrong, missing=[]), _end=ended.append,
-        _watchdog=SimpleNamespace(feed=lambda: None), _measure=lambda *_: None,
-        _port=SimpleNamespace(repeat=lambda sent: None))
-    goal = SimpleNamespace(silent=True, joint=JOINT)
-    IdentificationNode._answer(node, goal, verdict, 0, 0)
-    assert ended == ([reason] if reason else [])
-
-
-def test_states_that_waited_are_read_before_a_silence_is_called_one():
-    """After a pause of this process the check of connections comes first, and knew only silence."""
-    ended = []
-    node = SimpleNamespace(
-        _states=SimpleNamespace(wrong='', missing=[], publishers=[]), _simulated=False,
-        _port=SimpleNamespace(others=lambda: []), _end=ended.append,
-        resolve_service_name=str, resolve_topic_name=str,
-        count_clients=lambda _: 1, count_publishers=lambda _: 1)
-    goal = RunningGoal('identify_friction', 0, JOINT, None, None)
-    node._goal, goal.silent = goal, True
-    IdentificationNode._check_connections(node)
-    assert not ended
-    IdentificationNode._check_connections(node)
-    assert ended == ['joint_states fell silent']
-
-
-def test_a_goal_for_a_joint_that_is_not_published_is_refused_for_that_reason():
-    node = SimpleNamespace(
-        _rate=SimpleNamespace(count=1), _fresh=-math.inf,
-        _states=JointStateInput([JOINT], 50_000_000),
-        _port=SimpleNamespace(others=lambda: []))
-    with pytest.raises(InputError, match=f'joint_states lack {JOINT}'):
-        IdentificationNode._check_surroundings(node, JOINT)

@@ -116,45 +116,31 @@ def record(folder):
 
 
 @pytest.fixture(scope='module')
-def path(tmp_path_factory):
-    return record(tmp_path_factory.mktemp('several'))
-
-
-@pytest.fixture(scope='module')
-def joints(path):
+def joints(tmp_path_factory):
     """Return (Samples, RecordingInfo) of each joint, as the package reads them."""
-    found = []
+    path, found = record(tmp_path_factory.mktemp('several')), []
     for joint, file in zip(JOINTS, FILES):
         drive = FrictionModel.load(file).drive
         found += read_recording_with_info(path, joint, drive.torque_per_current)
     return found
 
 
-class BegunLate:
+class BegunLate(ReferenceMovement):
     """The reference movement for a joint that nobody holds before the exercise begins."""
-
-    def __init__(self):
-        self._movement = ReferenceMovement(**MOVEMENT)
 
     def at(self, time):
         since = np.round(time * 1e9) - LATE * SAMPLE
-        position, velocity, direction = self._movement.at(since / 1e9)
+        position, velocity, direction = super().at(since / 1e9)
         early = since < 0.0
         return (np.where(early, np.nan, position), np.where(early, np.nan, velocity),
                 np.where(early, 0, direction))
 
-    def end(self, direction):
-        return self._movement.end(direction)
-
-
-def plain_loop():
-    models = [FrictionModel.load(path) for path in FILES]
-    plant = Plant(models, SEED, [None, Undeclared.from_file(UNDECLARED)], SAMPLE * 1e-9)
-    return closed_loop(plant, CompensationLaw(models, LAW), BegunLate(), STEPS * SAMPLE * 1e-9)
-
 
 def test_equals_the_plain_loop_whatever_the_load(joints):
-    loop = plain_loop()
+    models = [FrictionModel.load(path) for path in FILES]
+    plant = Plant(models, SEED, [None, Undeclared.from_file(UNDECLARED)], SAMPLE * 1e-9)
+    loop = closed_loop(plant, CompensationLaw(models, LAW), BegunLate(**MOVEMENT),
+                       STEPS * SAMPLE * 1e-9)
 
     def recorded(name):
         return np.stack([getattr(samples, name) for samples, _ in joints], axis=1)
