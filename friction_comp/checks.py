@@ -8,7 +8,7 @@ dataclasses whose fields say what they take, `section`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import field, fields, MISSING
 import math
 from numbers import Integral, Real
@@ -88,10 +88,10 @@ def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -
 
 
 def check_list(value: Any, name: str) -> list[Any]:
-    """Return a list of a file, empty for None; raises InputError if it is not a list."""
-    if value is not None and not isinstance(value, (list, tuple)):
+    """Return a list of a file, empty for None; raises InputError if it is none."""
+    if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable | None):
         raise InputError(f'{name} is not a list')
-    return list(value or ())
+    return [] if value is None else list(value)
 
 
 def check_document(value: Any, kind: str, format_name: str, version: int,
