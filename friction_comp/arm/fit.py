@@ -39,7 +39,7 @@ from friction_comp.arm.solver import (
 )
 from friction_comp.arm.urdf import Chain
 from friction_comp.errors import InputError
-from friction_comp.model.arm import FREE_FALL, friction_groups, moving_states, PARAMETERS, Tree
+from friction_comp.model.arm import FREE_FALL, friction_groups, PARAMETERS, Tree
 from friction_comp.model.effects import Coverage, EFFECTS, ResidualView
 from friction_comp.parallel import one_thread
 from friction_comp.refinement import search, thresholds
@@ -54,12 +54,8 @@ from friction_comp.refinement.prepare import (
 from friction_comp.samples import Samples
 
 FEWEST = 200  # samples
-# Regularisation strengths that are compared, and the one used for all other choices, in squared
-# standard deviations of one sample.
-STRENGTHS = tuple(float(value) for value in np.geomspace(1.0, 1e6, 13))
-_FIRST_STRENGTH = 100.0
-# Relative difference of held-out errors up to which they are equal, and the URDF is preferred.
-_EQUAL_ERRORS = 0.01
+# Regularisation, in squared standard deviations of one sample.
+_STRENGTH = 100.0
 # Share by which another direction of gravity than the URDF's, or other scales than those assumed,
 # must lower the errors.
 _CLEARLY_BETTER = 0.15
@@ -74,8 +70,6 @@ _BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
 _UNKNOWN_WIDTH, _DECLARED_WIDTH = 1.0, 1e-3
 # Steps by which constants are changed, see `search.step_size`: a parabola gives the best.
 _STEPS = (0.5, 0.1)
-# Share of both gains that is enough for an effect to stay in a fit.
-_STAYS = 0.5
 
 
 @dataclass(frozen=True)
@@ -164,13 +158,9 @@ class Beside:
     x: np.ndarray
     variance: np.ndarray
 
-    def search(self, terms: Terms) -> list[JointTerm]:
-        """Return the terms to which steps lead: adding one while one helps, and removing others.
-
-        The constants of the terms given are adjusted first: other links than those before may ask
-        for other ones.
-        """
-        chosen = self._adjusted(terms) if terms else []
+    def search(self) -> list[JointTerm]:
+        """Return the terms to which steps lead, each of which adds the one that helps most."""
+        chosen: list[JointTerm] = []
         while True:
             offered = self._offered(chosen)
             sums = self._sums([*chosen, *offered])
@@ -179,24 +169,11 @@ class Beside:
             trials.sort(key=lambda trial: float(trial[0].sum()))
             best = next((term for after, term in trials if _improves(before, after)), None)
             if best is None:
-                return self._needed(chosen)
-            grown = self._needed(self._adjusted([*chosen, best]))
+                return chosen
+            grown = self._adjusted([*chosen, best])
             if not self._sums(grown).errors(grown).sum() < before.sum():
                 return chosen
             chosen = grown
-
-    def _needed(self, terms: Terms) -> list[JointTerm]:
-        """Return the terms without those that are no improvement, the least useful first."""
-        kept, sums = list(terms), self._sums(terms)
-        while True:
-            full = sums.errors(kept)
-            without = [(sums.errors([other for other in kept if other != term]), term)
-                       for term in kept]
-            useless = [(float(errors.sum()), term) for errors, term in without
-                       if not _improves(errors, full, 1.0 if term.group else _STAYS)]
-            if not useless:
-                return kept
-            kept.remove(min(useless, key=lambda trial: trial[0])[1])
 
     def _sums(self, terms: Terms) -> _Sums:
         beside, indices = columns_of(self.rows, self.tree, list(dict.fromkeys(terms)))
@@ -304,30 +281,19 @@ class Beside:
         return changed
 
 
-def _improves(before: np.ndarray, after: np.ndarray, share: float = 1.0) -> bool:
+def _improves(before: np.ndarray, after: np.ndarray) -> bool:
     """Return whether errors, (S, J), decrease: that of a joint by more than chance, and their sum.
 
     A joint's error says nothing of the others', but the links that are fitted to it are also
-    theirs. `share` is that of the thresholds of every search.
+    theirs.
     """
-    if not after.sum() < before.sum():
-        return False
     gain = before - after
     # Relative to the error of each stretch, so that one with large errors cannot decide.
     ratio = gain / np.maximum(before + after, 1e-300)
     scatter = ratio.std(axis=0, ddof=1) / math.sqrt(len(ratio))
-    return bool(np.any((gain.sum(axis=0) > share * thresholds.LEAST_SHARE * before.sum(axis=0))
-                       & (ratio.mean(axis=0) > share * thresholds.STANDARD_ERRORS * scatter)))
-
-
-@dataclass(frozen=True)
-class HeldOutStretch:
-    """A stretch of a recording from `start` (s) on, and the arm fitted without it."""
-
-    recording: int
-    start: float
-    tree: Tree
-    scales: np.ndarray
+    return bool(gain.sum() > 0.0 and np.any(
+        (gain.sum(axis=0) > thresholds.LEAST_SHARE * before.sum(axis=0))
+        & (ratio.mean(axis=0) > thresholds.STANDARD_ERRORS * scatter)))
 
 
 @dataclass
@@ -344,27 +310,8 @@ class ArmFit:
     held_out: np.ndarray  # (J,): RMS error in A on stretches not fitted
     without: np.ndarray  # (J,): the same for a fit without the links, only friction and rotor
     identifiable: int  # number of combinations of the links' parameters that the motion determines
-    held_out_stretches: list[HeldOutStretch]  # every stretch, with the tree fitted without it
     intervals: LinkIntervals  # of the links and the currents per torque
     declared: bool  # whether the currents per torque are those given
-
-    def torque(self, samples: Samples) -> np.ndarray:
-        """Return the torque in N·m of the links on a joint, shape (N,), fitted to other stretches.
-
-        The samples are those of one joint with `arm` and the `recording` numbers of the fit.
-        """
-        motion = moving_states(samples, self.tree.joints, self.differentiation)
-        joint_index = self.tree.joints.index(samples.joint)
-        stretch = np.full(len(samples), -1)
-        for index, part in enumerate(self.held_out_stretches):
-            stretch[(samples.recording == part.recording) & (samples.time >= part.start)] = index
-        total = self.tree.torques(*motion)[:, joint_index]
-        for index, part in enumerate(self.held_out_stretches):
-            rows = stretch == index
-            # Each fit has its own current per torque: convert to that of the whole fit.
-            ratio = part.scales[joint_index] / self.scales[joint_index]
-            total[rows] = ratio * part.tree.torques(*(x[rows] for x in motion))[:, joint_index]
-        return total
 
 
 @one_thread
@@ -397,29 +344,20 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
             best = free.best(lambda share: report(0.4 + 0.1 * share))
     problem, best = _mounted(problem, best)
     report(0.7)
-    sums, x = best.sums, best.x
-    prior, errors = _choose_strength(sums, best.prior, x)
-    parts = [solver.solve(sums.total - own, prior, x) for own in sums.folds]
-    report(0.8)
+    sums, prior, x = best.sums, best.prior, best.x
     links = len(joints) * PARAMETERS
     no_links = sums.sums.copy()
     no_links[..., :links, :] = no_links[..., :links] = 0.0
     without = _held_out(replace(sums, sums=no_links), prior, x)
     rows = solver.rows_of(problem.chain, joints, best.settings, _MOST_ROWS['final'])
-    whole = rows.sums(columns_of(rows, best.tree, best.terms)[0])
-    whole, x = _reweighted_fit(whole, prior, x)
+    whole, x = _reweighted_fit(rows.sums(columns_of(rows, best.tree, best.terms)[0]), prior, x)
     report(1.0)
-    first = np.nonzero(np.diff(solver.stretches_of(joints[0].recording), prepend=-1))[0]
-    held_out_stretches = [
-        HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]), *problem.arm_of(
-            parts[index % solver.FOLDS])) for index, row in enumerate(first)]
     tree, scales = problem.arm_of(x)
     return ArmFit(
         tree=tree, start=chain.tree, scales=scales,
         friction=prior.friction(x)[:, :FRICTION], differentiation=best.settings,
-        strength=prior.strength, held_out=errors, without=without,
+        strength=prior.strength, held_out=_held_out(sums, prior, best.x), without=without,
         identifiable=identifiable(whole.total[:, :links, :links].sum(axis=0)),
-        held_out_stretches=held_out_stretches,
         intervals=solver.confidence_intervals(whole.sums, prior, x),
         declared=problem.declared is not None)
 
@@ -450,11 +388,8 @@ class _Problem:
                 np.exp(x[links:links + count]))
 
     def trial(self, settings: dict[str, Any], terms: list[JointTerm] | None = None,
-              tree: Tree | None = None, start: np.ndarray | None = None) -> _Trial:
-        """Return a fit with its held-out error; `start` is one with the same terms.
-
-        The error is infinite if the URDF's torques have wrong signs.
-        """
+              tree: Tree | None = None) -> _Trial:
+        """Return a fit with its held-out error, infinite if the URDF's torques have wrong signs."""
         tree, terms = tree or self.chain.tree, terms or []
         rows = solver.rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
         columns, indices = columns_of(rows, tree, terms)
@@ -462,38 +397,28 @@ class _Problem:
         typical = _typical_scale(sums, self.bodies)
         scale = np.full(len(self.joints), typical or 1.0)
         prior = Prior(
-            self.bodies, _FIRST_STRENGTH, np.log(scale if self.declared is None else self.declared),
+            self.bodies, _STRENGTH, np.log(scale if self.declared is None else self.declared),
             _UNKNOWN_WIDTH if self.declared is None else _DECLARED_WIDTH,
             signs_at(indices, len(self.joints)))
         if typical is None:
             return _Trial(math.inf, settings, terms, sums, prior, prior.mean, tree)
-        sums, x = _reweighted_fit(sums, prior, prior.mean if start is None else start)
+        sums, x = _reweighted_fit(sums, prior, prior.mean)
         error = float(np.mean(np.log(_held_out(sums, prior, x))))
         return _Trial(error, settings, terms, sums, prior, x, tree)
 
     def best(self, report: Callable[[float], None] = lambda share: None) -> _Trial:
-        """Return the fit with the best settings; effects are searched before and after."""
+        """Return the fit with the best settings, and with what acts beside the links."""
         trials, choices = [], _settings(self.joints)
-        first = self.with_effects(self.trial(choices[min(1, len(choices) - 1)]), 1)
         for settings in choices:
-            trials.append(self.trial(settings, first.terms, first.tree, first.x))
+            trials.append(self.trial(settings))
             report(len(trials) / len(choices))
-        return self.with_effects(min(trials, key=lambda trial: trial.error))
-
-    def with_effects(self, trial: _Trial, rounds: int = _ROUNDS) -> _Trial:
-        """Return a fit of links and effects in turn, until a round finds the same effects."""
-        if trial.error == math.inf:
-            return trial
-        rows = solver.rows_of(self.chain, self.joints, trial.settings, _MOST_ROWS['choice'])
-        for _ in range(rounds):
-            before = trial.terms
-            links, _ = self.arm_of(trial.x)
-            terms = Beside(rows, links, trial.prior, trial.x, trial.sums.variance).search(before)
-            if terms != before:
-                trial = self.trial(trial.settings, terms, links)
-            if [term.choice for term in terms] == [term.choice for term in before]:
-                break
-        return trial
+        best = min(trials, key=lambda trial: trial.error)
+        if best.error == math.inf:
+            return best
+        rows = solver.rows_of(self.chain, self.joints, best.settings, _MOST_ROWS['choice'])
+        links, _ = self.arm_of(best.x)
+        terms = Beside(rows, links, best.prior, best.x, best.sums.variance).search()
+        return self.trial(best.settings, terms, links) if terms else best
 
 
 def _mounted(problem: _Problem, best: _Trial) -> tuple[_Problem, _Trial]:
@@ -575,11 +500,3 @@ def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
     for own in problem.folds:
         sums += solver.squared_errors(own, prior, solver.solve(total - own, prior, x))
     return np.sqrt(sums * problem.variance / np.maximum(problem.counts, 1.0)) + 1e-12
-
-
-def _choose_strength(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Prior, np.ndarray]:
-    """Return the prior with the largest strength that predicts as well as the best, and errors."""
-    priors = [replace(prior, strength=strength) for strength in STRENGTHS]
-    trials = [(trial, _held_out(problem, trial, x)) for trial in priors]
-    sizes = [float(np.mean(np.log(errors))) for _, errors in trials]
-    return [trial for trial, size in zip(trials, sizes) if size <= min(sizes) + _EQUAL_ERRORS][-1]

@@ -92,7 +92,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
                      'torque constants (--unit A says so, --torque-constant and --gear-ratio say '
                      'more)')
     notes += _said_of_gravity(fit, chain)
-    refined = list(only or names)
+    arm, refined = Arm(fit.tree, fit.differentiation), list(only or names)
     results: dict[str, RefineResult] = {}
     for index, name in enumerate(refined):
         def report_joint(share: float, word: str, index: int = index, name: str = name) -> None:
@@ -101,12 +101,12 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         origin = replace((origins or {}).get(name, Origin()), declared=name in declared,
                          unit='N·m' if torques else 'A' if drive else '')
         try:
-            result = refine([_with_links(recorded[name], fit)], models.get(name), drive,
+            result = refine([_with_links(recorded[name], arm)], models.get(name), drive,
                             report_joint, origin=origin)
         except InputError as error:
             notes.append(f'joint {name!r}: {error}')
         else:
-            results[name] = _with_arm(result, Arm(fit.tree, fit.differentiation))
+            results[name] = _with_arm(result, arm)
     if not results:
         raise InputError(notes[-1])
     return ArmResult(fit, results, notes)
@@ -133,12 +133,11 @@ def _said_of_gravity(fit: ArmFit, chain: Chain) -> list[str]:
             '-z: the arm is assumed to be mounted that way']
 
 
-def _with_links(recorded: list[Samples], fit: ArmFit) -> Samples:
+def _with_links(recorded: list[Samples], arm: Arm) -> Samples:
     """Return a joint's recordings as one, with the torque of the links and all joints' motion."""
-    samples = Samples.concatenate(recorded)
+    samples = arm.with_signal(Samples.concatenate(recorded))
     # In the order along the arm, which that of a recording need not be.
-    return samples.with_(rigid_body=fit.torque(samples),
-                         arm=samples.arm and samples.arm.of(fit.tree.joints))
+    return samples.with_(arm=samples.arm and samples.arm.of(arm.joints))
 
 
 def _with_arm(result: RefineResult, arm: Arm) -> RefineResult:
