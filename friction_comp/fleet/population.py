@@ -2,18 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A joint's population: mean and spread of each parameter over the units of a fleet.
 
-A recording's value is that of the population, plus a deviation of the unit, one of the day, and an
-error of measurement. Only the last is known; the others follow from how much more units, and a
-unit's recordings, differ than their errors explain. Parameters that are positive by nature are
-compared on a logarithmic scale, so that a factor counts the same up and down.
-
 Parameters can only be compared if they mean the same in every unit. Therefore one model is fitted
-to all: Eq. 6 with the effects that most recordings show, with the same constants everywhere.
+to all: Eq. 6 with the effects that most recordings show, with the same constants everywhere. Those
+that are positive by nature are compared on a logarithmic scale, so that a factor counts the same up
+and down.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 import json
 import math
@@ -144,9 +141,7 @@ class UnitValue:
     unit: str
     value: float
     interval: tuple[float, float]
-    p: float  # probability of such a deviation in the population
     out: bool
-    recordings: int
 
 
 @dataclass(frozen=True)
@@ -161,9 +156,7 @@ class ParameterSpread:
     unit: str  # of the parameter, not of the spread on a logarithmic scale
     scale: str  # 'logarithmic' or 'linear'
     mean: float
-    mean_interval: tuple[float, float]
-    spread: float
-    spread_interval: tuple[float, float]
+    spread: float  # without what errors of measurement explain
     range: tuple[float, float]  # of a further unit, 95 %
     varies: bool    # whether the spread can be told from zero
     units: list[UnitValue] = field(default_factory=list)
@@ -278,147 +271,59 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
 def _parameter(one: Compared, values: np.ndarray, errors: np.ndarray, unit: str,
                units_of: Sequence[str], freedom: float, tests: int) -> ParameterSpread:
     """Return the spread of a parameter from its values in all recordings, of `units_of`."""
-    names, index = np.unique(units_of, return_inverse=True)
+    from scipy.special import chdtri
+
+    names, index, count = np.unique(units_of, return_inverse=True, return_counts=True)
     # Where zero is possible there are no factors.
     logarithmic = one.positive and bool(
         (values > 0.0).all() and np.median(values - 2.0 * errors) > 0.0)
     if logarithmic:
         values, errors = np.log(values), errors / values
+    own = np.bincount(index, values) / count
+    # Recordings of one unit differ by no less than their errors, and alike in all units.
+    repeated = len(values) - len(names)
+    day = float(np.sum((values - own[index]) ** 2)) / repeated if repeated else 0.0
+    error = np.sqrt(np.maximum(np.bincount(index, errors ** 2) / count, day) / count)
+    out = units_out(own, error, tests)
+    usual, measured = own[~out], float(np.mean(error[~out] ** 2))
+    middle, variance, others = float(usual.mean()), float(usual.var(ddof=1)), len(usual) - 1
     back = np.exp if logarithmic else np.asarray
 
-    def ends(middle: float, half: float) -> tuple[float, float]:
-        return float(back(middle - half)), float(back(middle + half))
-    units = units_from_recordings(values, errors, index)
-    spread = spread_of(units, tests)
-    half, counts = float(student_quantile(freedom)) * units.error, np.bincount(index)
-    mean_half = float(student_quantile(int((~spread.out).sum()) - 1)) * spread.mean_error
+    def ends(at: float, half: float) -> tuple[float, float]:
+        return float(back(at - half)), float(back(at + half))
+    spread = math.sqrt(max(variance - measured, 0.0))
+    half = float(student_quantile(freedom)) * error
     return ParameterSpread(
         name=one.name, unit=one.unit.replace('A', unit, 1),
-        scale='logarithmic' if logarithmic else 'linear',
-        mean=float(back(spread.mean)), mean_interval=ends(spread.mean, mean_half),
-        spread=spread.deviation, spread_interval=spread.interval,
-        range=ends(spread.mean, spread.half_range), varies=spread.interval[0] > 0.0,
-        units=[UnitValue(str(name), float(back(units.value[k])), ends(units.value[k], half[k]),
-                         float(spread.p_out[k]), bool(spread.out[k]), int(counts[k]))
+        scale='logarithmic' if logarithmic else 'linear', mean=float(back(middle)), spread=spread,
+        range=ends(middle, float(student_quantile(others)) * math.hypot(
+            spread, math.sqrt(variance / len(usual)))),
+        varies=variance * others > measured * float(chdtri(others, 0.5 - 0.5 * CONFIDENCE)),
+        units=[UnitValue(str(name), float(back(own[k])), ends(own[k], half[k]), bool(out[k]))
                for k, name in enumerate(names)])
 
 
-@dataclass(frozen=True)
-class Values:
-    """A parameter's values, one for each of N units, with standard errors."""
+def units_out(value: np.ndarray, error: np.ndarray, tests: int = 1) -> np.ndarray:
+    """Return which of N units are out, (N,), by their values with standard errors.
 
-    value: np.ndarray  # (N,)
-    error: np.ndarray  # (N,): of measurement, from recording to recording included
-
-
-@dataclass(frozen=True)
-class Spread:
-    """The population of a parameter, without the units that are out."""
-
-    mean: float
-    mean_error: float
-    deviation: float  # standard deviation between units
-    interval: tuple[float, float]  # of the deviation
-    p_out: np.ndarray  # (N,): probability of such a value of a unit of the population
-    out: np.ndarray  # (N,): which units are out
-
-    @property
-    def half_range(self) -> float:
-        """Half the range in which 95 % of further units lie."""
-        freedom = max(int((~self.out).sum()) - 2, 1)
-        return float(student_quantile(freedom)) * math.hypot(self.deviation, self.mean_error)
-
-
-def units_from_recordings(values: np.ndarray, errors: np.ndarray, unit: np.ndarray) -> Values:
-    """Return the value of each unit from those of its recordings, all of shape (R,).
-
-    `errors` are standard errors, and `unit` is the index of each recording's unit. How much a
-    unit's recordings differ beyond their errors, for instance because of temperature, is assumed to
-    be the same for all units. Where no unit has several recordings, it is part of the spread
-    between units.
+    The most extreme unit is removed again and again, and all that were removed up to the last
+    significant one are out, so that several cannot hide each other (generalised extreme Studentised
+    deviate; Rosner 1983). With `tests` parameters, 5 % is the probability that any unit is called
+    out in any of them although none is. More than a quarter are no exceptions.
     """
-    count, repeated = int(unit.max()) + 1, len(values) - len(np.unique(unit))
-
-    def means(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        weights = np.bincount(unit, 1.0 / variance, count)
-        return np.bincount(unit, values / variance, count) / weights, weights
-
-    def excess(between: float) -> float:
-        variance = between + errors ** 2
-        return float(np.sum((values - means(variance)[0][unit]) ** 2 / variance)) - repeated
-    day = _root(excess, values) if repeated else 0.0
-    middle, weights = means(day + errors ** 2)
-    return Values(middle, 1.0 / np.sqrt(weights))
-
-
-def spread_of(units: Values, tests: int = 1) -> Spread:
-    """Return the spread over at least `FEWEST_UNITS` units, and which of them are out.
-
-    The variance between units is that of Paule and Mandel, its interval the Q-profile (Viechtbauer
-    2007). The units that are out are found by the generalised extreme Studentised deviate (Rosner
-    1983): the most extreme unit is removed again and again, and all that were removed up to the
-    last significant one are out, so that several cannot hide each other. With `tests` parameters,
-    5 % is the probability that any unit is called out in any of them although none is.
-    """
-    size, every = len(units.value), np.arange(len(units.value))
-    inside, removed, significant = np.ones(size, dtype=bool), [], 0
-    # More than a quarter are no exceptions.
-    for k in range(size // 4):
-        mean, _, variance = _population(units, inside)
-        index = int(np.argmax(np.where(
-            inside, (units.value - mean) ** 2 / (units.error ** 2 + variance + _TINY), -1.0)))
+    inside, removed, significant = np.ones(len(value), dtype=bool), [], 0
+    for k in range(len(value) // 4):
+        left = np.flatnonzero(inside)
+        # The unit farthest from the others, beyond what its own error explains.
+        index = int(left[np.argmax(np.abs(value[left] - value[left].mean()) / np.sqrt(
+            value[left].var() + error[left] ** 2 + _TINY))])
         inside[index] = False
         removed.append(index)
-        if _p_outside(units, inside, index) * (size - k) < (1.0 - CONFIDENCE) / tests:
+        usual = value[inside]
+        variance = usual.var(ddof=1) * (1.0 + 1.0 / len(usual)) + max(
+            0.0, error[index] ** 2 - float(np.mean(error[inside] ** 2)))
+        p_value = student_tail((value[index] - usual.mean()) / math.sqrt(variance + _TINY),
+                               len(usual) - 1)
+        if p_value * (len(value) - k) < (1.0 - CONFIDENCE) / tests:
             significant = k + 1
-    out = np.isin(every, removed[:significant])
-    mean, mean_error, variance = _population(units, ~out)
-    p_values = np.array([_p_outside(units, ~out & (every != k), k) for k in range(size)])
-    return Spread(mean=mean, mean_error=mean_error, deviation=math.sqrt(variance),
-                  interval=_profile(units, ~out), p_out=p_values, out=out)
-
-
-def _root(excess: Callable[[float], float], values: np.ndarray) -> float:
-    """Return the variance at which a decreasing function is zero, 0 where it begins below."""
-    from scipy.optimize import brentq
-
-    high = 4.0 * float(np.var(values)) + _TINY
-    if excess(0.0) <= 0.0:
-        return 0.0
-    while excess(high) > 0.0:
-        high *= 4.0
-    return float(brentq(excess, 0.0, high, xtol=1e-9 * high))
-
-
-def _weighted_squares(value: np.ndarray, variance: np.ndarray) -> float:
-    mean = np.sum(value / variance) / np.sum(1.0 / variance)
-    return float(np.sum((value - mean) ** 2 / variance))
-
-
-def _population(units: Values, chosen: np.ndarray) -> tuple[float, float, float]:
-    """Return mean, its standard error, and variance between units, after Paule and Mandel."""
-    value, own = units.value[chosen], units.error[chosen] ** 2
-    between = _root(lambda variance: _weighted_squares(value, own + variance) - (len(value) - 1),
-                    value)
-    weights = 1.0 / (own + between)
-    return float(weights @ value / weights.sum()), float(weights.sum() ** -0.5), between
-
-
-def _profile(units: Values, chosen: np.ndarray) -> tuple[float, float]:
-    """Return the interval of the standard deviation between the chosen units."""
-    from scipy.special import chdtri
-
-    value, own = units.value[chosen], units.error[chosen] ** 2
-
-    def end(share: float) -> float:
-        limit = float(chdtri(len(value) - 1, share))
-        return math.sqrt(_root(
-            lambda variance: _weighted_squares(value, own + variance) - limit, value))
-    return end(0.5 - 0.5 * CONFIDENCE), end(0.5 + 0.5 * CONFIDENCE)
-
-
-def _p_outside(units: Values, chosen: np.ndarray, index: int) -> float:
-    """Return the probability of a unit's deviation from the population of the chosen others."""
-    mean, error, between = _population(units, chosen)
-    total = units.error[index] ** 2 + between + error ** 2 + _TINY
-    return student_tail((units.value[index] - mean) / math.sqrt(total), int(chosen.sum()) - 1)
+    return np.isin(np.arange(len(value)), removed[:significant])

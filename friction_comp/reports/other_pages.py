@@ -101,12 +101,10 @@ def _add_fleet(page: Report, population: Population) -> None:
            for unit in parameter.units if unit.out]
     if out:
         page.table(
-            ['unit', 'parameter', 'value', '95 % of units', 'by chance'],
-            [[unit.unit, one.name, f'{number(unit.value)} {one.unit}', interval_text(one.range),
-              f'{unit.p:.1g}'] for one, unit in
-             sorted(out, key=lambda entry: (entry[1].unit, entry[1].p))],
-            'Units that are out, and by what. By chance: the probability of such a deviation of '
-            'one unit in one parameter.')
+            ['unit', 'parameter', 'value', '95 % of units'],
+            [[unit.unit, one.name, f'{number(unit.value)} {one.unit}', interval_text(one.range)]
+             for one, unit in sorted(out, key=lambda entry: entry[1].unit)],
+            'Units that are out, and by what.')
     page.figure(_fleet_figure(population), 'Each dot is a unit with its 95 % interval, the band is '
                 'the range of 95 % of further units, the line is the mean. Units that are out are '
                 'red and named.')
