@@ -78,37 +78,31 @@ def loaded(load=2.0, friction=1.0, carried=0.0, offset=0.0, one_way=False):
 LOADED = replace(MODEL, effects=[EFFECTS['gravity']({'coefficients': [2.0, 0.0]})])
 
 
-@pytest.mark.parametrize(('change', 'level', 'words'), [
-    ({}, 0.0, 'the model fits'),
-    ({'friction': 1.6}, 0.6, 'the friction is 60 % higher'),
-    ({'friction': 0.6}, -0.4, 'the friction is 40 % lower'),
-    ({'carried': 0.3}, 0.0, 'which varies with position: a weight'),
-    ({'offset': 0.2}, 0.0, 'the same everywhere: an offset'),
-    ({'friction': 1.5, 'one_way': True}, 0.5, 'the friction, or an offset, is 5')])
-def test_on_a_joint_that_carries_a_weight_the_error_is_compared_with_friction(change, level, words):
+@pytest.mark.parametrize('change', [
+    {}, {'friction': 1.6}, {'friction': 0.6}, {'carried': 0.3}, {'offset': 0.2},
+    {'friction': 1.5, 'one_way': True}])
+def test_on_a_joint_that_carries_a_weight_the_error_is_compared_with_friction(change):
     *_, (_, verdict) = watched(loaded(**change), model=LOADED)
-    assert verdict.fits == (words == 'the model fits')
-    assert words in verdict.text
-    assert verdict.level == pytest.approx(level, abs=0.03)
-    assert len(verdict.causes) == (not verdict.fits)
+    assert verdict.known
+    assert verdict.fits == (not change)
+    assert ('the model fits' if verdict.fits else 'no longer fits') in verdict.text
 
 
-@pytest.mark.parametrize(('change', 'effects', 'level'), [
-    (1.0, [], None), (1.5, [], 0.5),
+@pytest.mark.parametrize(('change', 'effects', 'fits'), [
+    (1.0, [], True), (1.5, [], False),
     # An acceleration is computed, and the warm-up of one recording is not that of the next.
-    (1.0, [EFFECTS['inertia']({'coefficients': [0.02]})], None),
-    (1.5, [EFFECTS['inertia']({'coefficients': [0.02]})], 0.5),
+    (1.0, [EFFECTS['inertia']({'coefficients': [0.02]})], True),
+    (1.5, [EFFECTS['inertia']({'coefficients': [0.02]})], False),
     (1.0, [EFFECTS['warm_up']({'time_constant': 600.0, 'transition': 0.02,
-                               'coefficients': [0.2, 0.0, 0.0]})], None)])
+                               'coefficients': [0.2, 0.0, 0.0]})], True)])
 @pytest.mark.parametrize('carried', [None, 1.0])
-def test_friction_counts_whoever_overcomes_it_and_inertia_does_not(change, effects, level, carried):
+def test_friction_counts_whoever_overcomes_it_and_inertia_does_not(change, effects, fits, carried):
     """Also where a person carries the joint and the load is measured."""
     data = rows(60.0, lambda t, q, heat, v: change, carried=carried)
     data[:, 3] += 0.3 * np.gradient(data[:, 2], data[:, 0])
     *_, (_, verdict) = watched(data, model=replace(MODEL, effects=effects))
     assert verdict.known
-    assert verdict.fits == (level is None)
-    assert verdict.level == pytest.approx(level or 0.0, abs=0.1)
+    assert verdict.fits == fits
 
 
 def test_an_error_that_refinement_expected_is_no_change():

@@ -1,19 +1,18 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the model of a running joint still fits: its residual, and what has changed.
+"""Whether the model of a running joint still fits, by its residual.
 
 A block is a short piece of motion in one direction. Averaging over blocks removes the noise of
 single samples and leaves a few values per second.
 
-Friction turns with the motion. A weight that was added or an offset of a sensor does not, and
-another inertia goes with the acceleration. So a residual is a factor of the model's friction beside
-these, by least squares.
+What goes with the acceleration is no error of friction: it is taken out of the residual, by least
+squares beside friction, a weight and an offset.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -35,65 +34,23 @@ _SETTLING, _LOOKAHEAD = 3.0, 0.3
 _WIDTH = 6
 # Blocks used for the error.
 _RECENT = 60
-# Columns of the table of blocks.
-_TIME, _POSITION, _VELOCITY, _ACCELERATION, _RESIDUAL, _FRICTION = range(6)
 
 
-@dataclass(frozen=True)
-class FrictionChange:
-    """Parts of a residual, A; each array has the shape (N,) of the samples."""
+def without_inertia(residual: np.ndarray, friction: np.ndarray, samples: Samples) -> np.ndarray:
+    """Return a residual, A, (N,), of a joint that slides, without what goes with the acceleration.
 
-    factor: float           # change of friction as a share of the model's, 0 if it is the same
-    friction: np.ndarray    # what this factor explains
-    load: np.ndarray        # what does not turn with the motion, but may vary with position
-    inertia: np.ndarray
-    residual: np.ndarray
-    one_way: bool           # whether motion was in one direction: an offset counts as friction
-
-    @property
-    def level(self) -> float:
-        """The change of friction if it explains much of the error; else 0."""
-        return self.factor * self._explains(self.friction)
-
-    def _explains(self, part: np.ndarray) -> bool:
-        # 30 % of the squared error, where all causes together explain half.
-        error = self.residual - self.inertia
-        return (rms(part) ** 2 > 0.3 * rms(error) ** 2
-                and rms(error - self.friction - self.load) ** 2 < 0.5 * rms(error) ** 2)
-
-    def causes(self, unit: str) -> list[str]:
-        """Return what explains much of the residual, in words."""
-        found = []
-        if self.level:
-            found.append(f'the friction{", or an offset," * self.one_way} is '
-                         f'{100 * abs(self.level):.0f} % {"higher" if self.level > 0 else "lower"}')
-        if self._explains(self.load):
-            size = rms(self.load)
-            varies = float(np.var(self.load)) > 0.05 * size ** 2
-            found.append(f'a load of {quantity(size, unit)} is not in the model, ' + (
-                'which varies with position: a weight or a spring' if varies else
-                'the same everywhere: an offset of the sensor or a weight'))
-        return found
-
-
-def friction_change(residual: np.ndarray, friction: np.ndarray, samples: Samples) -> FrictionChange:
-    """Return the parts of a residual of samples of a joint that slides.
-
-    `residual` is the measured less the predicted current, of which `friction` is a part, A, (N,);
-    `samples` have velocity and acceleration.
+    `friction` is the part of the prediction that is friction, A, (N,); `samples` have velocity and
+    acceleration.
     """
-    side, position = np.sign(np.asarray(samples.velocity)), samples.position
+    side, position = np.asarray(samples.velocity), samples.position
     load = np.column_stack((np.ones(len(side)), np.cos(position), np.sin(position)))
     # With less of either direction, an offset cannot be told from friction.
-    one_way = bool(min(np.mean(side > 0.0), np.mean(side < 0.0)) < 0.1)
-    columns = np.column_stack(
-        (friction, np.asarray(samples.acceleration), load * (not one_way)))
+    both_ways = min(np.mean(side > 0.0), np.mean(side < 0.0)) >= 0.1
+    columns = np.column_stack((np.asarray(samples.acceleration), friction, load * both_ways))
     scale = np.maximum(np.sqrt(np.mean(columns ** 2, axis=0)), 1e-12)
     # Directions of columns that hardly vary are not told.
     fit = np.linalg.pinv(columns / scale, rcond=1e-4) @ residual / scale
-    parts = columns * fit
-    return FrictionChange(float(fit[0]), parts[:, 0], parts[:, 2:].sum(axis=1), parts[:, 1],
-                          residual, one_way)
+    return np.asarray(residual - fit[0] * columns[:, 0])
 
 
 @dataclass(frozen=True)
@@ -107,10 +64,6 @@ class ModelFit:
     # RMS error of the last blocks, relative to the RMS of the model's friction, and in A.
     share: float = 0.0
     error: float = 0.0
-    # What explains the error, in words, and the change of the friction as a share of the
-    # model's, 0 where it explains too little.
-    causes: tuple[str, ...] = ()
-    level: float = 0.0
     # Whether it fits only because refinement expects no smaller error of it.
     as_expected: bool = False
     unit: str = 'A'
@@ -124,58 +77,7 @@ class ModelFit:
         if self.fits:
             return (f'its error is {error}, which refine expected: the model was never better'
                     if self.as_expected else f'the model fits: its error is {error}')
-        why = '; '.join(self.causes) or 'refine tells what it depends on'
-        return f'the model no longer fits: its error is {error}; {why}'
-
-
-class ResidualMonitor:
-    """Monitors the residual of one joint.
-
-    `tolerance` is the largest error per friction, beyond what `recorded` tells of the model.
-    """
-
-    def __init__(self, tolerance: float, recorded: Recorded | None = None, unit: str = 'A') -> None:
-        self.tolerance = check_number(tolerance, 'tolerance', above=0.0)
-        self._recorded, self._unit = recorded or Recorded(), unit
-        self._blocks = np.empty((0, 6))
-        self._speed = 0.0
-        self._warned = False
-
-    def add(self, samples: Samples, residual: np.ndarray, friction: np.ndarray) -> None:
-        """Add samples with velocity and acceleration, with residual and friction in A, (N,)."""
-        if len(samples) < 2 or samples.velocity is None or samples.acceleration is None:
-            return
-        speed = np.abs(samples.velocity)
-        fast = float(np.percentile(speed, 90))
-        self._speed = max(fast, 0.99 * self._speed)
-        # Below a tenth of its usual speed, a joint stands still, too.
-        moving = speed > max(STANDSTILL, 0.1 * self._speed)
-        moving &= np.isfinite(residual)
-        table = np.column_stack([samples.time, samples.position, samples.velocity,
-                                 samples.acceleration, residual, friction])
-        means = [table[part].mean(axis=0) for part in _block_slices(samples, moving)]
-        if means:
-            self._blocks = np.vstack((self._blocks, means))[-_RECENT:]
-
-    def verdict(self) -> ModelFit:
-        """Return the verdict on the blocks so far."""
-        blocks = self._blocks
-        if len(blocks) < _RECENT // 2:
-            return ModelFit()
-        expected = self._recorded.error_at(np.abs(blocks[:, _VELOCITY]))
-        motion = Samples(
-            time=blocks[:, _TIME], position=blocks[:, _POSITION], current=blocks[:, _RESIDUAL],
-            velocity=blocks[:, _VELOCITY], acceleration=blocks[:, _ACCELERATION])
-        change = friction_change(blocks[:, _RESIDUAL], blocks[:, _FRICTION], motion)
-        error = rms(blocks[:, _RESIDUAL] - change.inertia)
-        friction = max(rms(blocks[:, _FRICTION]), 1e-12)
-        limit = max(self.tolerance * friction, LARGER * expected)
-        # With hysteresis.
-        self._warned = error > limit * (0.8 if self._warned else 1.0)
-        fit = ModelFit(True, not self._warned, error / friction, error, unit=self._unit,
-                       as_expected=error > self.tolerance * friction)
-        return fit if fit.fits else replace(
-            fit, level=change.level, causes=tuple(change.causes(self._unit)))
+        return f'the model no longer fits: its error is {error}'
 
 
 def _block_slices(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
@@ -202,18 +104,20 @@ class LiveResidual:
     The motor and the person move the joint together, J·a = k_t·n·i + τ_b - F, so friction in A is
     i + τ_b/(k_t·n). Without a measured load, the current alone is compared. This is meaningless
     while a compensator feeds the same model forward and a person moves the joint; the caller then
-    sets `blind`. `tolerance` is that of `ResidualMonitor`.
+    sets `blind`. `tolerance` is the largest error per friction, beyond what the model's file tells
+    of its error.
     """
 
     def __init__(self, model: FrictionModel, tolerance: float = 0.25):
-        self.model, self._tolerance = model.on_another_day(), tolerance
+        self.model = model.on_another_day()
+        self.tolerance = check_number(tolerance, 'tolerance', above=0.0)
         self.blind = ''
         self._start_over()
 
     def _start_over(self) -> None:
-        self.monitor = ResidualMonitor(self._tolerance, self.model.recorded, self.model.unit)
-        self._rows = np.empty((0, _WIDTH))
+        self._rows, self._blocks = np.empty((0, _WIDTH)), np.empty((0, 6))
         self._done, self._origin = -np.inf, np.nan
+        self._speed, self._warned = 0.0, False
 
     def add(self, rows: np.ndarray) -> None:
         """Add rows of measurements, shape (N, 6), NaN where there is none.
@@ -257,7 +161,22 @@ class LiveResidual:
             self.blind = str(error)
             return
         residual = differentiated.current - predicted
-        self.monitor.add(differentiated.take(new), residual[new], friction[new])
+        self._add_blocks(differentiated.take(new), residual[new], friction[new])
+
+    def _add_blocks(self, samples: Samples, residual: np.ndarray, friction: np.ndarray) -> None:
+        """Add samples with velocity and acceleration, with residual and friction in A, (N,)."""
+        if len(samples) < 2 or samples.velocity is None or samples.acceleration is None:
+            return
+        speed = np.abs(samples.velocity)
+        self._speed = max(float(np.percentile(speed, 90)), 0.99 * self._speed)
+        # Below a tenth of its usual speed, a joint stands still, too.
+        moving = speed > max(STANDSTILL, 0.1 * self._speed)
+        moving &= np.isfinite(residual)
+        table = np.column_stack([samples.time, samples.position, samples.velocity,
+                                 samples.acceleration, residual, friction])
+        means = [table[part].mean(axis=0) for part in _block_slices(samples, moving)]
+        if means:
+            self._blocks = np.vstack((self._blocks, means))[-_RECENT:]
 
     def _missing(self, samples: Samples) -> str:
         """Return which signals, or the torque of an arm's links, the model lacks here."""
@@ -274,5 +193,18 @@ class LiveResidual:
         return samples.with_(current=self.model.measured(samples))
 
     def verdict(self) -> ModelFit:
-        """Return the verdict of the monitor."""
-        return self.monitor.verdict()
+        """Return the verdict on the blocks so far."""
+        blocks = self._blocks
+        if len(blocks) < _RECENT // 2:
+            return ModelFit()
+        time, position, velocity, acceleration, residual, friction = blocks.T
+        motion = Samples(time=time, position=position, current=residual, velocity=velocity,
+                         acceleration=acceleration)
+        error = rms(without_inertia(residual, friction, motion))
+        usual = max(rms(friction), 1e-12)
+        expected = (self.model.recorded or Recorded()).error_at(np.abs(velocity))
+        limit = max(self.tolerance * usual, LARGER * expected)
+        # With hysteresis.
+        self._warned = error > limit * (0.8 if self._warned else 1.0)
+        return ModelFit(True, not self._warned, error / usual, error, unit=self.model.unit,
+                        as_expected=error > self.tolerance * usual)
