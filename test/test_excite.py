@@ -5,7 +5,6 @@
 from argparse import Namespace
 from dataclasses import replace
 import json
-import math
 
 from helpers import short_search, undocumented
 from hypothesis import example, given, strategies as st
@@ -17,9 +16,10 @@ import yaml
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
 from friction_comp.excitation.plan import (
     coverage_within,
+    from_urdf,
+    JointLimits,
     JointPlan,
     moves_of_shape,
     pairs_in,
@@ -137,43 +137,23 @@ def test_the_trajectory_is_the_message(plan):
     assert all(isinstance(one['positions'][0], float) for one in document['points'])
 
 
-ENTRY = ('min_position: -1.2, max_position: 1.0, max_velocity: 2.0, max_acceleration: 3.0')
-YAML = f'joint_limits:\n  elbow: {{{ENTRY}}}\n'
 LIMIT = '<limit lower="-1.2" upper="1" velocity="2" effort="9"/>'
 URDF = (f'<robot name="r"><joint name="elbow" type="revolute">{LIMIT}</joint><joint name="b" '
         f'type="revolute">{LIMIT}<mimic joint="elbow"/></joint><joint name="c" type="fixed"/>'
         '</robot>')
-STATED = JointLimits('elbow', -1.2, 1.0, 2.0, 3.0)
+STATED = JointLimits('elbow', -1.2, 1.0, 2.0, 3.0, 9.0)
 
 
-def test_limits_come_from_files(tmp_path):
-    yaml_file, urdf = tmp_path / 'limits.yaml', tmp_path / 'arm.urdf'
-    yaml_file.write_text(YAML, encoding='utf-8')
+def test_limits_come_from_a_urdf_and_an_option_lowers_them(tmp_path):
+    urdf = tmp_path / 'arm.urdf'
     urdf.write_text(URDF, encoding='utf-8')
-    assert from_yaml(yaml_file) == [STATED]
-    assert from_urdf(urdf, 3.0) == [replace(STATED, effort=9.0)]
+    assert from_urdf(urdf, 3.0) == [STATED]
     for joint, words in (('b', "'b' mimics another"), ('c', "no revolute joint 'c'")):
         with pytest.raises(InputError, match=words):
             from_urdf(urdf, 3.0, [joint])
-    # YAML reads 1 as a number; a limit of effort that is none is often stated as 0.
-    yaml_file.write_text(YAML.replace('elbow', '1').replace(
-        '}', ', has_effort_limits: false, max_effort: 0.0}'), encoding='utf-8')
-    for joints in ((), ('1',)):
-        assert from_yaml(yaml_file, joints) == [replace(STATED, joint='1')]
-
-
-@pytest.mark.parametrize(('option', 'text', 'given', 'effort'), [
-    ('limits', YAML, {'velocity': 0.5, 'acceleration': 1.0}, math.inf),
-    ('urdf', URDF, {'velocity': 0.5, 'acceleration': 1.0}, 9.0),
-    ('urdf', URDF, {'velocity': 5.0, 'acceleration': 3.0}, 9.0)])
-def test_what_was_asked_for_lowers_the_limits_of_a_file(tmp_path, option, text, given, effort):
-    path = tmp_path / 'file'
-    path.write_text(text, encoding='utf-8')
-    arguments = Namespace(**{'limits': None, 'urdf': None, 'position': None, 'joint': [],
-                             option: path, **given})
-    assert limits_of(arguments) == [replace(
-        STATED, velocity=min(2.0, given['velocity']), acceleration=given['acceleration'],
-        effort=effort)]
+    for velocity, least in ((None, 2.0), (0.5, 0.5), (5.0, 2.0)):
+        assert limits_of(Namespace(urdf=urdf, position=None, joint=[], velocity=velocity,
+                                   acceleration=3.0)) == [replace(STATED, velocity=least)]
 
 
 def test_a_report_of_refine_says_what_to_tell_apart():

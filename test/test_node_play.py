@@ -24,8 +24,7 @@ from friction_comp.__main__ import run
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.excitation.joint_limits import JointLimits
-from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
+from friction_comp.excitation.plan import JointLimits, JointPlan, Move, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.compensator import CompensatorNode
 from friction_comp.nodes.identification import trajectory_goal

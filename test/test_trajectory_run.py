@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
-from friction_comp.excitation.joint_limits import JointLimits
-from friction_comp.excitation.plan import plan_joint
+from friction_comp.excitation.plan import JointLimits, plan_joint
 from friction_comp.identification.goal import IdentificationError, TrajectoryGoal
 from friction_comp.identification.run import TrajectoryRun
 from friction_comp.simulation.joint import Plant

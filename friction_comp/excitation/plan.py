@@ -17,14 +17,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, count
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
+from friction_comp.checks import check_number
 from friction_comp.errors import InputError
-from friction_comp.excitation.joint_limits import JointLimits
+from friction_comp.files import read_xml
 from friction_comp.model.effects import Coverage, Effect, EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import one_thread
@@ -52,6 +54,66 @@ _POPULATION, _GENERATIONS = 6, 10
 _STEEPEST = 1.875
 # Shortest time in which speed rises, s: it limits jerk, in short moves too.
 _LEAST_RAMP = 0.1
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """Limits of one joint; `InputError` if one is no number, not positive, or leaves no range."""
+
+    joint: str
+    lowest: float  # of position, rad
+    highest: float
+    velocity: float  # largest magnitude, rad/s
+    acceleration: float  # rad/s²
+    effort: float = math.inf  # of the torque at the joint, N·m; infinite where it is not limited
+
+    def __post_init__(self) -> None:
+        what = f'joint {self.joint!r}: the limit of'
+        # Beyond any joint that is planned for.
+        for end in (self.lowest, self.highest):
+            check_number(end, f'{what} position', least=-100.0, most=100.0)
+        for name in ('velocity', 'acceleration', 'effort'):
+            if name != 'effort' or self.effort != math.inf:
+                check_number(getattr(self, name), f'{what} {name}', least=1e-6, most=1e6)
+        if not self.lowest < self.highest:
+            raise InputError(f'joint {self.joint!r}: the lowest position {self.lowest:g} is not '
+                             f'below the highest {self.highest:g}')
+
+    @property
+    def centre(self) -> float:
+        """The middle of the range, rad."""
+        return 0.5 * (self.lowest + self.highest)
+
+
+def from_urdf(path: str | Path, acceleration: float,
+              joints: Sequence[str] = ()) -> list[JointLimits]:
+    """Return the limits, of all revolute joints by default, that a URDF states in ``<limit>``.
+
+    Not of joints that mimic another; a URDF does not state the acceleration, rad/s². Raises
+    InputError if the file cannot be used, or a joint has no limits of position.
+    """
+    _, root = read_xml(path)
+    found = {str(one.get('name')): one for one in root.findall('joint')
+             if one.get('type') == 'revolute'}
+    revolute = {name: one.find('limit') for name, one in found.items() if one.find('mimic') is None}
+    if not revolute:
+        raise InputError(f'{path}: the URDF has no revolute joint')
+    limits = []
+    for name in joints or revolute:
+        limit = revolute.get(name)
+        if name in found and name not in revolute:
+            raise InputError(f'{path}: joint {name!r} mimics another, and cannot be moved itself')
+        if limit is None:
+            raise InputError(f'{path}: has no revolute joint {name!r} with a <limit>')
+        try:
+            low, high, velocity = (float(limit.get(key, ''))
+                                   for key in ('lower', 'upper', 'velocity'))
+            effort = float(limit.get('effort', 'inf'))
+        except ValueError:
+            raise InputError(f'{path}: the <limit> of joint {name!r} needs lower, upper and '
+                             'velocity as numbers') from None
+        limits.append(JointLimits(name, low, high, velocity, acceleration, effort))
+    return limits
 
 
 def pairs_of(names: Iterable[str]) -> list[Pair]:

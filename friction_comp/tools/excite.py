@@ -22,8 +22,7 @@ from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, positive, whole_number, write_results
 
 if TYPE_CHECKING:
-    from friction_comp.excitation.joint_limits import JointLimits
-    from friction_comp.excitation.plan import Pair
+    from friction_comp.excitation.plan import JointLimits, Pair
     from friction_comp.model.friction_model import FrictionModel
 
 # Points of a trajectory per second: with a few, splines between them overshoot short moves.
@@ -36,8 +35,7 @@ def main(argv: list[str] | None = None) -> int:
         '--joint elbow --position -1.2 1.0 --velocity 1.5 --acceleration 6 --output output/excite',
         '--urdf arm.urdf --acceleration 4 --seconds 90 --output output/excite')).add_output()
     parser.add_argument('--joint', metavar='NAME', action='append', default=[],
-                        help='joint; may be repeated with --limits or --urdf, where the default is '
-                        'all joints')
+                        help='joint; may be repeated with --urdf, where the default is all joints')
     add_limits(parser)
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help='model file of one joint, to keep the limit of effort')
@@ -90,33 +88,27 @@ def add_limits(parser: Arguments) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument('--position', metavar=('LOW', 'HIGH'), type=float, nargs=2,
                         help='limits of position of one joint, rad')
-    source.add_argument('--limits', metavar='FILE', type=Path,
-                        help="file with limits, as MoveIt's joint_limits.yaml")
     source.add_argument('--urdf', metavar='FILE', type=Path,
                         help='URDF with the limits of the joints')
     parser.add_argument('--velocity', metavar='RAD/S', type=positive,
-                        help='limit of velocity; lowers that of a file')
-    parser.add_argument('--acceleration', metavar='RAD/S²', type=positive,
-                        help='limit of acceleration; lowers that of --limits')
+                        help='limit of velocity; lowers that of the URDF')
+    parser.add_argument('--acceleration', metavar='RAD/S²', type=positive, required=True,
+                        help='limit of acceleration')
 
 
 def limits_of(arguments: Namespace) -> list[JointLimits]:
     """Return the joints' limits, by `add_limits` and --joint."""
-    from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
+    from friction_comp.excitation.plan import from_urdf, JointLimits
 
-    given = {name: getattr(arguments, name, None) or math.inf
-             for name in ('velocity', 'acceleration')}
-    if not arguments.limits and arguments.acceleration is None:
-        raise InputError('--acceleration is missing')
     if arguments.position:
         if len(arguments.joint) != 1 or arguments.velocity is None:
             raise InputError('with --position one --joint and --velocity are needed')
-        return [JointLimits(arguments.joint[0], *arguments.position, **given)]
-    own = (from_yaml(arguments.limits, arguments.joint) if arguments.limits
-           else from_urdf(arguments.urdf, arguments.acceleration, arguments.joint))
-    # An argument may only narrow a joint's own limits.
-    return [replace(joint, **{name: min(getattr(joint, name), limit)
-                              for name, limit in given.items()}) for joint in own]
+        low, high = arguments.position
+        return [JointLimits(arguments.joint[0], low, high, arguments.velocity,
+                            arguments.acceleration)]
+    # An argument may only narrow a joint's own limit.
+    return [replace(joint, velocity=min(joint.velocity, arguments.velocity or math.inf))
+            for joint in from_urdf(arguments.urdf, arguments.acceleration, arguments.joint)]
 
 
 def _model(arguments: Namespace, limits: list[JointLimits]) -> FrictionModel | None:
