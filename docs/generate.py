@@ -243,6 +243,46 @@ def laws() -> str:
           words + after.get(name, '')] for name, (law, whom, words) in LAWS.items()])
 
 
+def conditions() -> str:
+    """Return the table of reaches under other sensors, gears and models, in both worlds."""
+    found: dict[str, dict[str, str]] = {}
+    for row in stored('conditions')['rows']:
+        name, what = row['floor'].removeprefix('reach from rest, d = 0, ').rsplit(': ', 1)
+        found.setdefault(name, {})[row['world'] + what] = '{:.0f} ({:.0f}); {:.0f}; {:.0f}'.format(
+            *(row[key] for key in ('value', 'worst', 'tanh', 'kinetic')))
+    columns = [world + what for what in ('RMS', 'start') for world in ('gear', 'mujoco')]
+    return rows(['', 'RMS', 'RMS, MuJoCo', 'start', 'start, MuJoCo'], [
+        [name, *(cells.get(column, '–') for column in columns)] for name, cells in found.items()])
+
+
+def ablation() -> str:
+    """Return what changes without each rule of the law, in both worlds."""
+    whole: dict[str, dict[str, str]] = {}
+    found: dict[str, list[str]] = {}
+    for row in stored('ablation')['rows']:
+        rule, cells = row.pop('rule'), row
+        if rule == 'as it is':
+            whole[row['world']] = cells
+        changed = [f'{name} {whole[row["world"]][name]} → {text}' for name, text in cells.items()
+                   if name != 'world' and differs(whole[row['world']][name], text)]
+        found.setdefault(rule, []).append(', '.join(
+            changed if rule != 'as it is' else [
+                f'{name} {text}' for name, text in cells.items() if name != 'world']) or '–')
+    return rows(['without', 'simulated gears', 'MuJoCo'], [
+        [rule, *cells] for rule, cells in found.items()])
+
+
+def differs(one: str, other: str) -> bool:
+    """Return whether figures differ by more than the last joint or point that matters.
+
+    They are a median and a worst in %, as 91 (65), or joints of all, as 3/126.
+    """
+    if '/' in one:
+        return abs(int(one.split('/')[0]) - int(other.split('/')[0])) > 1
+    both = [[float(value) for value in text.strip(')').split(' (')] for text in (one, other)]
+    return abs(both[0][0] - both[1][0]) > 1.0 or abs(both[0][1] - both[1][1]) > 4.0
+
+
 def first() -> str:
     """Return the numbers that the first command prints, with the true ones of the example."""
     numbers = stored('first')
@@ -305,7 +345,8 @@ def note_rest() -> str:
 PARTS: dict[str, Callable[[], str]] = {
     'options': options, 'report fields': report_fields, 'findings': findings, 'effects': effects,
     'claims': claims, 'said': said, 'first': first, 'well': well, 'demo': demo,
-    'reproduce': reproduce, 'laws': laws, 'note plateaus': note_plateaus,
+    'reproduce': reproduce, 'laws': laws, 'conditions': conditions, 'ablation': ablation,
+    'note plateaus': note_plateaus,
     'note peaks': note_peaks, 'note rest': note_rest}
 
 
@@ -381,6 +422,11 @@ KINDS = {
     'reproduce': Kind(_reproduce_numbers),
     'laws': Kind(lambda result: {
         'command': f'python3 bench/law_choice.py --seed {result["seed"]}', **result}),
+    'conditions': Kind(lambda result: {
+        'command': f'python3 bench/law_table.py --floors conditions --seed {result["seed"]}',
+        **result}),
+    'ablation': Kind(lambda result: {
+        'command': f'python3 bench/law_ablation.py --seed {result["seed"]}', **result}),
     'to_and_fro': Kind(_to_and_fro_numbers, _to_and_fro_words, _to_and_fro_picture)}
 
 

@@ -17,6 +17,7 @@ from world.person import draw_persons, drivers, FIRM, LEANING, nobody, PERSON, S
 EVERY = 10
 # Let go.
 START, RELEASE, AFTER = 0.2, 1.3, 8.0
+RELEASED = (5, 40, 80)      # deg/s
 # Gaining speed: over 50 ms, by more than what the flex of gear and presliding can give back.
 SPAN, GAIN, GAIN_SPEED = 5, 1.03, 0.3 * DEGREE
 REST_WITHIN, REST_SPEED = 6.0, 0.2 * DEGREE
@@ -67,7 +68,7 @@ def watch_release(joints, law):
 
 def release(bank, law):
     """Bring each joint to a speed and let go, or push it by 2 deg and let go."""
-    joints = Joints(bank, speed=[5, 40, 80], direction=[0, 1], factor=[1.0, 1.05, 1.1, LOST[-1]])
+    joints = Joints(bank, speed=RELEASED, direction=[0, 1], factor=[1.0, 1.05, 1.1, LOST[-1]])
     found, factor = watch_release(joints, law), joints['factor']
     rows = [
         count('let go, model ≤ 1.10: gains speed', joints, found['gained'], which=factor <= 1.10),

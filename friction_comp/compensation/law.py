@@ -4,27 +4,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from friction_comp.compensation import law_kernel as kernel
-from friction_comp.compensation.effect_currents import EffectCurrents
-from friction_comp.compensation.law_fields import CONTINUOUS, FREE, NONE, PARAMETERS, STATE, zeros
-from friction_comp.compensation.law_parameters import law_parameters, LAWS, set_breakaway
+from friction_comp.compensation.law_parameters import (
+    CONTINUOUS,
+    law_parameters,
+    LAWS,
+    NONE,
+    PARAMETERS,
+    set_breakaway,
+    STATE,
+    zeros,
+)
 from friction_comp.compensation.safety import BAD_TIME, TURN_TIME
 from friction_comp.errors import InputError
-from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.base import CARRIES, Effect, LiveTerm
 from friction_comp.model.friction_model import FrictionModel
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 __all__ = ['CompensationLaw', 'GRAVITY', 'law_parameters', 'LAWS']
 
 GRAVITY = ('feed_forward', 'left_to_robot')
+_ARM_SIGNALS = {'rigid_body', 'coupling'}
 
 
 class CompensationLaw:
@@ -72,7 +78,7 @@ class CompensationLaw:
 
     @property
     def parameters(self) -> np.ndarray:
-        """The joints' parameters as compiled loops take them: law_fields.PARAMETERS, (J,)."""
+        """The joints' parameters as compiled loops take them: PARAMETERS, (J,)."""
         return self._parameters.copy()
 
     @property
@@ -180,8 +186,8 @@ class CompensationLaw:
             raise InputError(f'there is no joint number {joint!r}')
         parameters = law_parameters(model, **self._options[joint])
         self._states[joint]['trust'] = self._states[joint]['trusted'] = 1.0
-        if self._states[joint]['mode'] != FREE:
-            self._states[joint]['mode'], self._states[joint]['z'] = FREE, 0.0
+        if self._states[joint]['mode'] != kernel.FREE:
+            self._states[joint]['mode'], self._states[joint]['z'] = kernel.FREE, 0.0
         self.models[joint] = model
         self._effects[joint] = EffectCurrents(model, self._why_left_out)
         self._take([joint], [parameters])
@@ -254,3 +260,87 @@ class CompensationLaw:
 
 def _known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
+
+
+# Effects.
+
+class Currents(NamedTuple):
+    """The currents of a joint's effects, A."""
+
+    # Friction's in the positive and the negative direction of sliding.
+    forward: float
+    backward: float
+    # What does not depend on the direction.
+    carried: float
+    # Corrections of the magnitudes of the breakaway currents at this position.
+    shifts: tuple[float, float]
+    # Effects left out, with the missing signals; no signals if the value is not finite.
+    missing: list[tuple[str, tuple[str, ...]]]
+
+
+class EffectCurrents:
+    """The effects of one joint's model that are applied: `terms`, effects with their live term.
+
+    `why_left_out` returns why an effect is not applied; empty where it is.
+    """
+
+    def __init__(self, model: FrictionModel, why_left_out: Callable[[Effect], str]) -> None:
+        self.terms = [
+            (effect, LiveTerm(effect)) for effect in model.effects if not why_left_out(effect)]
+        both = model.breakaway
+        # Where the positive and negative breakaway currents were measured, rad.
+        self._places: tuple[float, ...] = ()
+        if both is not None and both.positive_position is not None and (
+                both.negative_position is not None):
+            self._places = both.positive_position, both.negative_position
+        self.carrying = [effect.name for effect, _ in self.terms if effect.role == CARRIES]
+
+    def reset(self) -> None:
+        """Forget the motion."""
+        for _, term in self.terms:
+            term.reset()
+
+    def at(self, time: float, position: float, speed: float, signals: dict[str, float | None],
+           by_direction: bool = True) -> Currents:
+        """Return the currents of the effects.
+
+        `signals` are ``temperature``, ``load``, ``rigid_body`` and ``coupling``, None if unknown.
+        `by_direction`: friction is given for both directions of sliding, as the continuous law
+        needs it; otherwise for that of the speed, in `carried`.
+        """
+        forward = backward = carried = 0.0
+        shifts, missing = [0.0, 0.0], []
+        for effect, term in self.terms:
+            unknown = tuple(name for name in term.needs if signals[name] is None)
+            parts = (math.nan, math.nan, math.nan)
+            if not unknown and by_direction and effect.role != CARRIES:
+                parts = *term.both_sides(time, position, speed, **signals), 0.0
+            elif not unknown:
+                parts = 0.0, 0.0, term.update(time, position, speed, **signals)
+            if not all(map(math.isfinite, parts)):
+                missing.append((effect.name, unknown))
+                continue
+            forward, backward = forward + parts[0], backward + parts[1]
+            carried += parts[2]
+            # Terms with memory, and torques of the whole arm, cannot be evaluated elsewhere.
+            if not (term.has_memory or _ARM_SIGNALS & set(term.needs)):
+                for side, place in enumerate(self._places):
+                    shifts[side] += self._shift(effect, term, time, position, place, side, signals)
+        return Currents(forward, backward, carried, (shifts[0], shifts[1]), missing)
+
+    @staticmethod
+    def _shift(effect: Effect, term: LiveTerm, time: float, position: float, place: float,
+               side: int, signals: dict[str, float | None]) -> float:
+        """Return by how much more current breaks the joint free here than where it was measured.
+
+        In A, of the positive (0) or negative direction, by magnitude.
+        """
+        if effect.role == CARRIES:
+            # It is applied at rest anyway, so it is removed from the level measured with it.
+            value = (2.0 * side - 1.0) * term.update(time, place, 0.0, **signals)
+        else:
+            # Half of the difference of the sides resists; their mean acted there as well.
+            here, there = (0.5 * (forward - backward) for forward, backward in (
+                term.both_sides(time, x, 0.0, **signals) for x in (position, place)))
+            value = here - there
+        return value if math.isfinite(value) else 0.0

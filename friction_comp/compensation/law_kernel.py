@@ -22,25 +22,23 @@ import math
 from numba import njit
 import numpy as np
 
-from friction_comp.compensation.law_fields import (
+from friction_comp.compensation.law_parameters import (
     CONTINUOUS,
     DESIRED,
-    FREE,
-    HELD,
     KINETIC,
-    LEADING,
     NONE,
     Parameters,
-    RESTED,
-    SLOWED,
     State,
-    TURNED,
-    WENT_ON,
 )
 from friction_comp.compensation.safety import BAD_TIME, is_plausible, limited, safe, within_movement
 from friction_comp.model.sigmoid import kinetic_current
 
 compiled_kinetic_current = njit(cache=True)(kinetic_current)
+FREE, LEADING, HELD = range(3)
+"""The joint moves; z goes to the announced direction at a joint that rests; it rests."""
+RESTED, TURNED, SLOWED, WENT_ON = range(4)
+"""A way that began at rest without help; any other; one on which help was given back, for who
+slowed down; and one on which the joint then went on."""
 LONGEST_STEP = 0.1
 """s; after a longer pause, or a clock that was set, the operator is reset."""
 FILTER_TIME = 0.004

@@ -8,7 +8,7 @@ import math
 
 from numba import njit
 
-from friction_comp.compensation.law_fields import CONTINUOUS, Parameters, State
+from friction_comp.compensation.law_parameters import CONTINUOUS, Parameters, State
 
 FASTEST = 3.0
 """Multiple of the fastest identified speed above which a position is implausible."""

@@ -13,8 +13,8 @@ import math
 from numba import njit, prange
 import numpy as np
 
-from friction_comp.compensation.law_fields import STATE
 from friction_comp.compensation.law_kernel import decide, observe
+from friction_comp.compensation.law_parameters import STATE
 from friction_comp.simulation.joint import joint_sample, measure, start_joint
 from friction_comp.simulation.joint_parameters import JOINT_STATE, MEASURED, Record
 from friction_comp.simulation.undeclared import COLUMNS

@@ -25,7 +25,7 @@ def run_gears(parameters: Sequence[np.void], laws: Sequence[np.ndarray], referen
     Parameters
     ----------
     parameters : sequence of joint_parameters.JOINT records, length R
-    laws : sequence of compensation.law_fields.PARAMETERS arrays of shape (1,), length R
+    laws : sequence of compensation.law_parameters.PARAMETERS arrays of shape (1,), length R
     reference : array_like, shape (3, N) or (R, 3, N)
         Position and velocity that the person follows, rad and rad/s, and the direction announced.
     seed : int
@@ -38,7 +38,7 @@ def run_gears(parameters: Sequence[np.void], laws: Sequence[np.ndarray], referen
     -------
     dict of str to ndarray, shape (R, N)
         The names in `LOGGED`.
-    guards : ndarray of compensation.law_fields.STATE, shape (R,)
+    guards : ndarray of compensation.law_parameters.STATE, shape (R,)
         The laws' states at the end.
     """
     size = len(parameters)
