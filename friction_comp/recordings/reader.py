@@ -25,9 +25,10 @@ from friction_comp.recordings.scan import read_bag, Scan
 from friction_comp.recordings.storage import AnyPath, is_storage, METADATA
 from friction_comp.samples import RecordingInfo, Samples
 from friction_comp.statistics import evenly_spread
-from friction_comp.tables.columns import Layout
+from friction_comp.tables.columns import Layout, STATES
 from friction_comp.tables.table_files import is_table, parts_of, TABLES
 from friction_comp.tables.table_recording import TableRecording
+from friction_comp.tables.units import unit_of
 
 Progress = Callable[[float], None]
 Recording = Scan | TableRecording
@@ -41,14 +42,6 @@ _OTHERS = {
     '.bag': 'a bag of ROS 1: rosbags-convert --src {} --dst {}'}
 LIMIT = 400_000
 """Most samples of one fit: about 600 MB of working memory, ten times most recordings."""
-
-
-def part_of(progress: Progress | None, index: int, count: int) -> Progress:
-    """Return a function that reports one recording's progress as a part of that of all."""
-    def report(share: float) -> None:
-        if progress:
-            progress((index + share) / count)
-    return report
 
 
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
@@ -107,7 +100,7 @@ def _expand(path: Path) -> Iterator[Path]:
 
 
 def open_recording(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
-                   progress: Progress | None = None, first: float = math.inf) -> Recording:
+                   first: float = math.inf) -> Recording:
     """Return a bag's content or a table; `joint` may name a topic of joint states of any name.
 
     Of a bag, only the beginning is read until there are `first` joint states.
@@ -116,12 +109,13 @@ def open_recording(path: AnyPath, joint: str | None = None, layout: Layout | Non
     if is_table(path) and not path.is_dir():
         return TableRecording(path, layout)
     layout = layout or Layout()
-    units = layout.of_states
-    if (layout.columns or layout.units or layout.rate or layout.stiffness) and not units:
+    units = {signal: unit for signal, text in layout.units.items() if signal in STATES
+             and (unit := unit_of(signal, text)) is not None}
+    if len(units) < len(layout.units) or layout.columns or layout.rate or layout.stiffness:
         raise InputError(f'{path}: --columns, --rate, --stiffness, and units of other signals than '
                          'position, velocity and effort, which is in N·m, N or A, describe tables, '
                          'and this is none: the tool convert makes one')
-    return read_bag(path, joint, units, progress or (lambda share: None), first)
+    return read_bag(path, joint, units, first)
 
 
 def without_topic(path: AnyPath, joint: str | None) -> str | None:
@@ -226,9 +220,9 @@ def _open_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joi
     """Yield each recording, and report the progress of all."""
     recordings = find_recordings(paths)
     for index, path in enumerate(recordings):
-        report = part_of(progress, index, len(recordings))
-        yield open_recording(path, joint, layout, report)
-        report(1.0)
+        yield open_recording(path, joint, layout)
+        if progress:
+            progress((index + 1) / len(recordings))
 
 
 def _read_joint(recording: Recording, joint: str | None, torque_per_current: float,
@@ -304,8 +298,9 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     # By the largest one, it is known how many samples there are.
     for done, index in enumerate(sorted(range(len(sizes)), key=lambda k: -sizes[k])):
         samples, info = _read_joint(
-            open_recording(recordings[index], joint, layout, part_of(
-                progress, done, len(recordings))), joint, torque_per_current)
+            open_recording(recordings[index], joint, layout), joint, torque_per_current)
+        if progress:
+            progress((done + 1) / len(recordings))
         if not length:
             total = len(samples) * sum(sizes) / max(sizes[index], 1)
             # Averages over more than 10 ms hide friction at a reversal.

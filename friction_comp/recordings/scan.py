@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 import math
@@ -208,7 +208,6 @@ def signal_of(topic: str, type_name: str) -> str | None:
 
 
 def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | None = None,
-             progress: Callable[[float], None] = lambda share: None,
              first: float = math.inf) -> Scan:
     """Return what a bag holds; `joint` may name a topic of joint states of any name.
 
@@ -243,7 +242,6 @@ def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | N
                     reader.broken += 1
                 if reader.waiting >= _BATCH:
                     reader.decode()
-                    progress(storage.progress)
                     if reader.numbers > _MOST:
                         notes.append('the recording is very long: only its first '
                                      f'{(receive - begin) / NANO:.0f} s were read')

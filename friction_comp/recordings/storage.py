@@ -51,9 +51,7 @@ class Storage:
         self.topics: dict[str, tuple[str, int]] = {}
         self.notes: list[str] = []
         self.custom: dict[str, str] = {}    # custom_data of the metadata
-        self.progress = 0.0                 # share of the recording that has been read
         self.files = [path] if path.is_file() else self._list_files()
-        self._index = 0                     # of the file that is read
 
     def messages(self, wanted: Wanted) -> Generator[Message, None, None]:
         """Yield (topic, type, receive time in ns, payload) of the messages of all files.
@@ -62,13 +60,11 @@ class Storage:
         InputError if there are none at all before the first damage, or those wanted are not CDR.
         """
         failed = []
-        for index, file in enumerate(self.files):
-            self._index = index
+        for file in self.files:
             count = Counter(dict.fromkeys(self.topics, 0))
             try:
                 with unpacked_file(file) as plain:
                     yield from _READERS[plain.suffix](self, plain, wanted, count)
-                self.reached(1.0)
             except InputError as error:
                 raise unreadable(self.path, str(error)) from None
             # What is damaged may raise anything.
@@ -87,10 +83,6 @@ class Storage:
         if len(failed) == len(self.files):
             raise unreadable(self.path, '; '.join(failed))
         self.notes.extend(f'{reason}: this file is missing' for reason in failed)
-
-    def reached(self, share: float) -> None:
-        """Take note of how much of the current file has been read, 0..1."""
-        self.progress = (self._index + share) / len(self.files)
 
     def declare(self, topic: str, kind: str, wanted: Wanted, encoding: str = 'cdr') -> bool:
         """Take note of a topic, and return whether its messages are wanted."""
@@ -132,7 +124,7 @@ def _read_mcap(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
     schemas: dict[int, str] = {}
     # Topic and type by channel, and whether its messages are wanted.
     channels: dict[int, tuple[str, str, bool]] = {}
-    for record in _mcap_records(storage, file):
+    for record in _mcap_records(file):
         if isinstance(record, records.Message):
             topic, kind, chosen = channels[record.channel_id]
             count[topic] += 1
@@ -146,7 +138,7 @@ def _read_mcap(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
                 topic, kind, wanted, record.message_encoding)
 
 
-def _mcap_records(storage: Storage, file: Path) -> Iterator[Any]:
+def _mcap_records(file: Path) -> Iterator[Any]:
     """Yield the records before an mcap file's index, those in chunks, too."""
     size = file.stat().st_size
     with open_input(file) as stream:
@@ -155,7 +147,6 @@ def _mcap_records(storage: Storage, file: Path) -> Iterator[Any]:
         stream.seek(0)
         for record in StreamReader(stream, emit_chunks=True, validate_crcs=True,
                                    record_size_limit=size).records:
-            storage.reached(stream.tell() / size)
             if isinstance(record, records.DataEnd):
                 return
             if isinstance(record, records.Chunk):
@@ -194,12 +185,10 @@ def _read_sqlite(storage: Storage, file: Path, wanted: Wanted, count: Counter[st
         chosen = {key for key, topic, encoding in database.execute(
             'SELECT id, name, serialization_format FROM topics')
             if storage.declare(*topics[key], wanted, encoding)}
-        last = database.execute('SELECT max(id) FROM messages').fetchone()[0] or 1
-        for row, key, time, payload in database.execute(
-                'SELECT id, topic_id, timestamp, data FROM messages ORDER BY id'):
+        for key, time, payload in database.execute(
+                'SELECT topic_id, timestamp, data FROM messages ORDER BY id'):
             count[topics[key][0]] += 1
             if key in chosen:
-                storage.reached(row / last)
                 yield *topics[key], int(time), bytes(payload)
 
 

@@ -273,14 +273,6 @@ class Layout:
         for signal, unit in self.units.items():
             check_unit(signal, unit)
 
-    @property
-    def of_states(self) -> dict[str, Unit]:
-        """Units of what joint states hold, if nothing else is given; else empty."""
-        units = {signal: unit for signal, text in self.units.items() if signal in STATES
-                 and (unit := unit_of(signal, text)) is not None}
-        only = len(units) == len(self.units) and not (self.columns or self.rate or self.stiffness)
-        return units if only else {}
-
     def unit(self, signal: str) -> str:
         """Return the unit that is given for a signal, or what it shares its unit with; or ''."""
         return next((self.units[one] for one in (signal, *_SAME_UNIT.get(signal, ()))
@@ -309,18 +301,13 @@ class Column:
     """A used column: its name, signal, joint and unit, and the factor to SI units."""
 
     name: str
-    signal: str
+    signal: str     # effort for current, too
     joint: str
     unit: str
     factor: float
     dimension: str = ''     # what the unit measures, such as angle; '' if it is not known
     key: tuple[str, ...] = ()
     stated: bool = False    # whether the unit was given, by the user or in the name
-
-    @property
-    def kind(self) -> str:
-        """The signal, effort for current."""
-        return _kind(self.signal)
 
 
 @dataclass
@@ -374,10 +361,10 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     used = _of_joints(found, own, where)
     for column in used:
         if column.name in rivals:
-            raise InputError(f'{where}: which column is the {column.kind}, {column.name!r} or '
+            raise InputError(f'{where}: which column is the {column.signal}, {column.name!r} or '
                              f'{rivals[column.name]!r}? Name it with --columns '
-                             f'{column.kind}={column.name}')
-    signals = {column.kind for column in used}
+                             f'{column.signal}={column.name}')
+    signals = {column.signal for column in used}
     needed = {'time': not layout.rate, 'position': True, 'effort': not (layout.stiffness or plan),
               'reference_position': bool(layout.stiffness)}
     missing = [signal for signal, wanted in needed.items() if wanted and signal not in signals]
@@ -391,8 +378,8 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     given = next(iter(joints)) if [*joints.values()] == [''] else own if named else None
     if layout.joint and layout.joint not in joints.values() and given is not None:
         joints[given] = layout.joint
-    force = any(c.dimension == 'force' and c.stated for c in used if c.kind == 'effort')
-    used = [replace(c, joint=joints.get(c.key, ''), signal=c.kind) for c in used]
+    force = any(c.dimension == 'force' and c.stated for c in used if c.signal == 'effort')
+    used = [replace(c, joint=joints.get(c.key, '')) for c in used]
     # Forces move a linear axis.
     used = [replace(c, dimension='length', unit='m') if force and c.signal == 'position'
             and not c.stated else c for c in used]
@@ -448,7 +435,7 @@ def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = F
     best: dict[tuple[str, tuple[str, ...]], tuple[tuple[int, ...], Column]] = {}
     rivals: dict[str, str] = {}
     for rank, column in sorted(ranked, key=lambda entry: entry[0]):
-        lowest, chosen = best.setdefault((column.kind, column.key), (rank, column))
+        lowest, chosen = best.setdefault((column.signal, column.key), (rank, column))
         if lowest == rank and chosen is not column:
             rivals.setdefault(chosen.name, column.name)
     return [column for _, column in best.values()], own, rivals
@@ -475,21 +462,19 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column | None:
     if signal == 'current' and given and unit_of('current', given) is None:
         signal = 'effort'   # 62N: the force of 1 A
     text = given or reading.unit
-    unit = unit_of(signal, text) if text else None
+    default = 'N·m' if reading.torque and signal == 'command' else si_unit(signal)
+    unit, told = unit_of(signal, text or default), parse_unit(text or default)
+    if unit is None and text and _kind(signal) != 'effort':
+        return None
+    # The torque constant may make a current of an effort without a unit.
+    said = text or default * (signal != 'effort')
+    if unit and told and '/' in unit.dimension and '/' not in told.dimension:
+        said += '/s'
     if unit is None and text:
-        factor, other = other_unit(text) or (1.0, text)
-        return None if signal not in ('effort', 'current') else Column(
-            name, 'effort', reading.joint, other, factor, '', reading.key, True)
-    if unit is None:
-        default = 'N·m' if reading.torque and signal == 'command' else si_unit(signal)
-        known = unit_of(signal, default)
-        # The torque constant may make a current of an effort without a unit.
-        return Column(name, signal, reading.joint, '' if signal == 'effort' else default,
-                      1.0, known.dimension if known else '', reading.key)
-    told = parse_unit(text)
-    rate = told is not None and unit.dimension.endswith('/time') and '/' not in told.dimension
-    return Column(name, signal, reading.joint, f'{text}/s' if rate else text, unit.factor,
-                  unit.dimension, reading.key, True)
+        factor, said = other_unit(text) or (1.0, text)
+        unit = Unit(factor, '')
+    return Column(name, _kind(signal), reading.joint, said, *(unit or Unit(1.0, '')), reading.key,
+                  bool(text))
 
 
 def _kind(signal: str) -> str:
@@ -499,22 +484,22 @@ def _kind(signal: str) -> str:
 def _of_joints(columns: Sequence[Column], own: tuple[str, ...], where: object) -> list[Column]:
     """Return the columns of joints with position and effort, of the user's (`own`) and of none."""
     positions = {c.key: None for c in columns if c.signal == 'position'}
-    efforts = {c.key: None for c in columns if c.kind == 'effort'}
+    efforts = {c.key: None for c in columns if c.signal == 'effort'}
     if len(positions) == len(efforts) == 1:
         # The only position and the only effort are of one joint, however they are named.
         columns = [replace(c, key=next(iter(positions))) if c.key in efforts and (
-            c.key or c.kind == 'effort') else c for c in columns]
+            c.key or c.signal == 'effort') else c for c in columns]
         efforts = positions
     both = {key for key in positions if key in efforts}
     if not both and len(efforts) > 1 < len(positions):
         raise InputError(f'{where}: which effort is of which joint? Name the columns of one with '
                          '--columns position=NAME,effort=NAME; there are ' + _listed(
-                             [c.name for c in columns if c.kind in ('position', 'effort')]))
+                             [c.name for c in columns if c.signal in ('position', 'effort')]))
     keys = {*(both or positions), own, ()}
     # An effort that names no joint is that of any, but not beside those that name theirs.
     loose = bool(both) and () not in both
     return [c for c in columns if c.key in keys and not (
-        loose and not c.key and c.kind in ('position', 'effort'))]
+        loose and not c.key and c.signal in ('position', 'effort'))]
 
 
 def without_time(names: Sequence[str], layout: Layout, where: object
@@ -531,7 +516,7 @@ def without_time(names: Sequence[str], layout: Layout, where: object
         return None
     # A commanded speed is that of the means where none is measured.
     wanted = 'velocity' if 'velocity' in signals else 'reference_velocity'
-    speeds, efforts = ([c for c in columns if c.kind == kind and (own == () or c.key in (own, ()))]
+    speeds, efforts = ([c for c in columns if c.signal == kind and (not own or c.key in (own, ()))]
                        for kind in (wanted, 'effort'))
     pairs = [(speed, effort) for speed in speeds for effort in efforts
              if speed.key == effort.key or () in (speed.key, effort.key)
@@ -539,7 +524,7 @@ def without_time(names: Sequence[str], layout: Layout, where: object
     if len(pairs) > 1 or any(c.name in rivals for pair in pairs for c in pair):
         raise InputError(f'{where}: which speed and which effort? Name one with --joint, or both '
                          'with --columns velocity=NAME,effort=NAME; there are ' + _listed(
-                             [c.name for c in columns if c.kind in (wanted, 'effort')]
+                             [c.name for c in columns if c.signal in (wanted, 'effort')]
                              + [*rivals.values()]))
     return pairs[0] if pairs else None
 

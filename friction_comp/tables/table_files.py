@@ -211,6 +211,8 @@ class _Text:
                 raise InputError(f'{self.path}: column {name!r}: {wrong!r} has a point where '
                                  'other numbers have a comma: write one of them')
             cells = [cell.replace(',', '.') for cell in cells]
+        with suppress(ValueError):
+            return np.fromiter(map(float, cells), float, len(cells))
         return to_numbers(np.array(cells, dtype=object), name, self.path)
 
 
@@ -249,8 +251,6 @@ def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
     if values.dtype.kind == 'b':
         raise InputError(f'{where}: column {name!r} holds true and false, not numbers')
     if values.dtype.kind in 'OSU':
-        with suppress(ValueError, TypeError):
-            return values.astype(float)
         texts = ['nan' if value is None or _is_missing(str(value)) else str(value).strip()
                  for value in values.ravel()]
         with suppress(ValueError):

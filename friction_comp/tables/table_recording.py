@@ -333,7 +333,7 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
         use = assign(table.names, layout, path, plan=True)
     except InputError:
         return None     # other faults are reported when the table is read as a recording
-    if any(column.kind == 'effort' for column in use.columns):
+    if any(column.signal == 'effort' for column in use.columns):
         return None
     values = table.read([column.name for column in use.columns])
     size = len(next(iter(values.values())))
