@@ -14,7 +14,7 @@ import pytest
 from recording_maker import DATA, needs_data
 from simulated_arms import FRICTION, MASSES, PLANE, recorded, SCALES, small_arm, waves
 
-from friction_comp.arm.whole_arm import refine_arm
+from friction_comp.arm.fit import refine_arm
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm

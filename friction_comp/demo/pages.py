@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from friction_comp.arm.whole_arm import ArmResult
+from friction_comp.arm.fit import ArmResult
 from friction_comp.evaluation.conditions import evaluate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.number_text import number, quantity

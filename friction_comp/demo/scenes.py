@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.arm.whole_arm import refine_arm
+from friction_comp.arm.fit import refine_arm
 from friction_comp.demo import pages
 from friction_comp.demo.pages import (
     demo_page,

@@ -28,7 +28,7 @@ from friction_comp.reports.refinement_page import (
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
-    from friction_comp.arm.whole_arm import ArmResult
+    from friction_comp.arm.fit import ArmResult
     from friction_comp.excitation.plan import JointPlan, Pair
     from friction_comp.fleet.population import ParameterSpread, Population
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
-from friction_comp.arm.whole_arm import ArmResult, refine_arm
+from friction_comp.arm.fit import ArmResult, refine_arm
 from friction_comp.errors import InputError
 from friction_comp.files import output_folder, read_yaml
 from friction_comp.model.friction_model import FrictionModel
