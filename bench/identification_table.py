@@ -12,8 +12,8 @@ may be filtered and the encoder coarse. The yardstick is least squares (offset, 
 inertia) on all samples of the same run that are faster than 0.05 rad/s.
 
 An error is that of breakaway in both directions (beyond two standard errors), of Coulomb and
-viscous friction as a line through the curve at the speeds driven, of that curve (RMS), of the
-acceleration per current, and of the presliding distance where there is one. *Calmly wrong* counts
+viscous friction as a line through the curve at the speeds driven, of that curve (RMS), and of the
+presliding distance where there is one. *Calmly wrong* counts
 errors of more than 5 % (presliding: 15 %) and three stated deviations of which no warning speaks.
 """
 
@@ -37,7 +37,6 @@ SAID = {
     'breakaway': ('breakaway', 'drift', 'one direction', 'negative direction needs',
                   'positive direction needs'),
     'coulomb': CURVE, 'viscous': CURVE, 'curve': CURVE,
-    'acceleration': ('inertia', 'acceleration per current'),
     'presliding': ('presliding', 'Presliding')}
 
 
@@ -131,14 +130,13 @@ def judge(task):
     taken, gear = rows[-1, 0], case.at(rows[-1, 0])
     torque_per, both = gear['torque_per_current'], np.concatenate([-SPEEDS[::-1], SPEEDS])
     weight = gear['gravity'] * math.cos(gear['gravity_phase']) / torque_per
-    kappa = torque_per / (gear['motor_inertia'] + gear['link_inertia'])
     true = np.concatenate([-world.steady_friction(gear, SPEEDS, -1.0)[::-1],
                            world.steady_friction(gear, SPEEDS, 1.0)])
     coulomb, viscous = line(both, true)
     yard = yardstick(rows, rate)
     out = {'task': task, 'words': words, 'taken': taken, 'refused': result is None, 'plain': [
         np.nan, abs(yard[0] / coulomb - 1.0), abs(yard[1] - viscous) / coulomb, np.nan,
-        abs(yard[2] * kappa - 1.0), np.nan]}
+        np.nan]}
     if result is None:
         return out
     # Ramps come last, one after the other.
@@ -154,9 +152,8 @@ def judge(task):
     reach, seen = world.presliding(gear)[0], result.presliding
     errors = [breakaway, abs(own[0] / coulomb - 1.0), abs(own[1] - viscous) / coulomb,
               float(np.sqrt(np.mean((curve - true) ** 2)) / np.mean(np.abs(true))),
-              abs(result.acceleration_per_current / kappa - 1.0),
               seen.distance / reach - 1.0 if seen else math.nan]
-    limits = [0.05] * 5 + [max(0.15, 3.0 * seen.std / reach if seen and seen.std else 0.0)]
+    limits = [0.05] * 4 + [max(0.15, 3.0 * seen.std / reach if seen and seen.std else 0.0)]
     out['errors'] = errors
     out['calm'] = [name for name, error, limit in zip(SAID, errors, limits)
                    if abs(error) > limit and not any(word in words for word in SAID[name])]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an identification's cycles and ramps show.
 
-Cycles: mean currents, inertia, drift, loads, and doubts. Ramps: breakaway, presliding, backlash.
+Cycles: mean currents, drift, loads, and doubts. Ramps: breakaway, presliding, backlash.
 """
 
 import math
@@ -12,13 +12,11 @@ from hypothesis import given, strategies as st
 from numba import njit
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import lfilter, lsim
 
 from friction_comp.drive import Drive
 from friction_comp.identification import cycles as twice
 from friction_comp.identification.curves import fit_sigmoid
-from friction_comp.identification.cycles import KineticPoint, steadiest_inertia
+from friction_comp.identification.cycles import KineticPoint
 from friction_comp.identification.goal import cycle_state, IdentificationError, IdentificationGoal
 from friction_comp.identification.ramps import (
     combined_presliding,
@@ -64,8 +62,7 @@ def cycles(friction, load=lambda x: 0.0, speeds=SPEEDS, begin=0.0, noise=0.002, 
         command = np.sign(v) * friction(pace * np.abs(v), x, begin + time) + load(x)
         measured = (sensor or (lambda i: i))(command) + noise * random.standard_normal(len(x))
         done.append(twice.Cycle.measured(
-            begin, duration, speed, np.column_stack([begin + time, pace * x, measured]), command,
-            np.inf))
+            begin, duration, speed, np.column_stack([begin + time, pace * x, measured]), command))
         begin += duration + 2.0
     return done
 
@@ -110,7 +107,7 @@ def test_friction_that_falls_while_it_is_measured_is_named_and_that_of_the_end_g
     truth = np.array([np.sign(p.speed) * warming(abs(p.speed), 0.0, again[-1].time)
                       for p in points])
     np.testing.assert_allclose([p.current for p in points], truth, rtol=0.015)
-    [words] = doubts_of_cycles(first, None, drift)
+    [words] = doubts_of_cycles(first, drift)
     expected = warming(1.6, 0.0, again[-1].time) / warming(1.6, 0.0, first[-1].time) - 1.0
     assert drift[1.6] == pytest.approx(expected, abs=0.005)
     assert f'{drift[1.6]:+.1%} at 1.6 rad/s' in words
@@ -130,7 +127,7 @@ def test_friction_that_stays_is_what_was_measured_first(first, again):
     assert points == points_of(first)
     assert not drift
     if not again:
-        assert not doubts_of_cycles(first, None, drift)
+        assert not doubts_of_cycles(first, drift)
         assert not doubts_of_positions(first, twice.position_slopes(first))
         assert uncertainty_of(first, done, 0.0) < 0.02
         assert uncertainty_of(first, done, 0.03) == pytest.approx(0.06, rel=0.1)
@@ -158,7 +155,7 @@ def test_what_rises_over_position_is_named_and_a_ripple_is_not(friction, load, w
     (lambda i: 0.9 * i, '0.90 times the commanded'), (lambda i: i + 0.1, 'has an offset'),
     (lambda i: i * (1.0 + 0.5 * np.sin(np.arange(len(i)))), 'the current varies by')])
 def test_a_sensor_or_a_current_that_is_not_the_commanded_one_is_said(sensor, words):
-    [said] = doubts_of_cycles(cycles(plain, sensor=sensor), None, {})
+    [said] = doubts_of_cycles(cycles(plain, sensor=sensor), {})
     assert words in said
 
 
@@ -195,70 +192,6 @@ def test_a_curve_that_is_not_the_measured_friction_is_not_passed_off_as_it(rise,
     said = doubts_of_curve(points, sigmoid, curve_misfit(points, sigmoid), in_ampere)
     assert len(said) == warned
     assert all('0.05 rad/s' in line for line in said)
-
-
-# Inertia.
-
-def swinging(hertz=60.0, link_share=0.35, damping=0.1, noise=2e-3):
-    """Return cycles of a motor that follows its reference, with a share of inertia on a spring."""
-    done = []
-    for speed in (0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5):
-        _, time, motor, velocity = driven(speed, 1e-3)
-        w = 2.0 * np.pi * hertz
-        ring = ([2.0 * damping * w, w ** 2], [1.0, 2.0 * damping * w, w ** 2])
-        twist = motor - lsim(ring, motor, time)[1]
-        torque = link_share * (w ** 2 * twist + 2.0 * damping * w * np.gradient(twist, time))
-        current = 0.5 * np.tanh(velocity / 0.01) + 0.15 * velocity + (
-            (1.0 - link_share) * np.gradient(velocity, time) + torque) / RATE
-        current += noise * np.random.default_rng(int(100 * speed)).standard_normal(len(time))
-        done.append(np.column_stack([time, motor, current]))
-    return done
-
-
-def said_of(inertia):
-    return ' '.join(doubts_of_cycles(cycles(plain, speeds=SPEEDS[:1]), inertia, {}))
-
-
-@pytest.mark.parametrize('link_share', [0.2, 0.5])
-@pytest.mark.parametrize('hertz', [3.0, 4.0, 6.0, 8.0])
-def test_a_link_that_swings_is_said_where_inertia_is_not_right(hertz, link_share):
-    found = steadiest_inertia(swinging(hertz, link_share, 0.02))
-    # None is said as well. What is off is about as far off as is said.
-    if found is not None:
-        off = abs(math.log(found.acceleration_per_current / RATE))
-        assert off < 0.2
-        assert off < 0.05 or (
-            'may be off by' in said_of(found)
-            and off < 1.5 * max(found.differs, found.unexplained))
-
-
-def behind_a_low_pass(lag):
-    """Return cycles whose current is measured behind a low pass, s."""
-    share = -math.expm1(-1e-3 / lag)
-    return [np.column_stack([*rows.T[:2], lfilter([share], [1.0, share - 1.0], rows[:, 2])])
-            for rows in swinging()]
-
-
-def in_counts(counts):
-    """Return cycles of a coarse encoder; the controller answers to a speed that is none."""
-    done, step = [], 2.0 * np.pi / counts
-    for time, motor, current in (rows.T for rows in swinging()):
-        counted = np.round(motor / step) * step
-        wrong = np.gradient(uniform_filter1d(counted - motor, 20), time)
-        done.append(np.column_stack([time, counted, current - 0.3 * wrong]))
-    return done
-
-
-@pytest.mark.parametrize(('done', 'near', 'counts'), [
-    *((swinging(noise=noise), 0.03, (2, 3, 7)) for noise in (1e-3, 5e-3, 0.02)),
-    *((behind_a_low_pass(lag), 0.03, (7,)) for lag in (0.005, 0.01, 0.03)),
-    *((in_counts(counts), 0.04, (7,)) for counts in (700, 1200))])
-def test_neither_noise_nor_a_filter_nor_counts_bias_inertia(done, near, counts):
-    """Of a rigid joint nothing is said, and two speeds are enough."""
-    for count in counts:
-        found = steadiest_inertia(done[-count:])
-        assert found.acceleration_per_current == pytest.approx(RATE, rel=near)
-        assert len(counts) == 1 or not said_of(found)
 
 
 # Ramps.

@@ -21,7 +21,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification import cycles as twice, ramps as stairs
 from friction_comp.identification.curves import fit_sigmoid
-from friction_comp.identification.cycles import Cycle, Inertia, KineticPoint, MAX_SCATTER
+from friction_comp.identification.cycles import Cycle, KineticPoint, MAX_SCATTER
 from friction_comp.identification.goal import (
     cycle_state,
     IdentificationError,
@@ -162,6 +162,10 @@ class IdentificationRun(SupervisedRun):
         """Return why a speed cannot be driven; '' if it can."""
         if why := self.goal.too_short(speed, self.supervision.step):
             return why
+        slow = self.bandwidth(self.gains[0])
+        if 0.3 * self.goal.cycle(speed)[0] * slow < 5.0:
+            return (f'its controller, of {slow:.0f} rad/s, does not settle within '
+                    f'{self.goal.motion_range:g} rad: widen the range')
         limit, say = self.drive.current_limit, self.supervision.say
         needed = self.push + self._accelerating_current(speed)
         if needed <= 0.9 * limit:
@@ -215,8 +219,7 @@ class IdentificationRun(SupervisedRun):
         if np.mean(np.isfinite(driven[:, 2])) < 0.95:
             raise IdentificationError('the measured current is not finite')
         try:
-            cycle = Cycle.measured(begin, duration, speed, driven, np.array(commands),
-                                   self.supervision.acceleration, gain=gain)
+            cycle = Cycle.measured(begin, duration, speed, driven, np.array(commands), gain)
         except InputError as error:
             raise IdentificationError(str(error)) from None
         held = cycle.scatter <= 0.5 and all(
@@ -314,18 +317,8 @@ class IdentificationRun(SupervisedRun):
 
     def _evaluate(self) -> IdentificationResult:
         slopes = twice.position_slopes(self.cycles)
-        inertia = twice.steadiest_inertia(
-            [cycle.samples for cycle in twice.levelled(self.cycles, slopes)])
-        # A push that moved the joint is right within tens of percent, unless a sensor is late.
-        wide = 50.0 if self._inertia_is_typical else 5.0
-        pushed = self.supervision.acceleration
-        if inertia and not 1.0 / wide < inertia.acceleration_per_current / pushed < wide:
-            inertia = None
-        acceleration = inertia.acceleration_per_current if inertia else pushed
-        # An inertia that is not known must not correct anything.
-        cycles, repeated = (twice.levelled(
-            [cycle.again(acceleration if inertia else math.inf) for cycle in driven], slopes)
-            for driven in (self.cycles, self.repeated))
+        cycles, repeated = (
+            twice.levelled(driven, slopes) for driven in (self.cycles, self.repeated))
         points, drift = twice.without_drift(cycles, repeated)
         sigmoid, error = fit_sigmoid([p.actual_speed for p in points], [p.current for p in points])
         # The table is that of the speeds that were requested.
@@ -335,22 +328,19 @@ class IdentificationRun(SupervisedRun):
         # The encoder's step: that of the drive, or a coarser one that was seen.
         seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
         found = stairs.evaluate_ramps(
-            self.ramps, max(self._resolution, min(filter(None, seen), default=0.0)), acceleration,
-            sigmoid.viscous)
+            self.ramps, max(self._resolution, min(filter(None, seen), default=0.0)),
+            self.supervision.acceleration, sigmoid.viscous)
         breakaway, misfit = stairs.breakaway_of(self.ramps), curve_misfit(points, sigmoid)
-        warnings, say = list(self.warnings), self.supervision.say
-        if self._inertia_is_typical and not inertia:
-            warnings.append('the inertia could not be estimated; a typical one was assumed')
-        warnings += [
-            *doubts_of_cycles(cycles, inertia, drift), *found.warnings,
+        say = self.supervision.say
+        warnings = [
+            *self.warnings, *doubts_of_cycles(cycles, drift), *found.warnings,
             *doubts_of_ramps(breakaway, points, self.goal.breakaway_cycles,
-                                    self.supervision.step, found.presliding, say),
+                             self.supervision.step, found.presliding, say),
             *doubts_of_positions(self.cycles, slopes),
             *doubts_of_curve(points, sigmoid, misfit, say)]
         return IdentificationResult(
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
-            breakaways=found.breakaways, acceleration_per_current=acceleration,
-            goal=replace(self.goal, ramp_slope=self.ramp_slope),
+            breakaways=found.breakaways, goal=replace(self.goal, ramp_slope=self.ramp_slope),
             uncertainty=uncertainty_of(cycles, repeated, misfit),
             warnings=warnings,
             drift=drift, presliding=found.presliding, backlash=found.backlash)
@@ -399,8 +389,6 @@ class IdentificationResult:
     sigmoid_error: float            # E of Eq. 7, A
     breakaway: Breakaway
     breakaways: np.ndarray          # every single one, A, signed, in order of time
-    # k_t·n/J in rad/s² per A from the cycles of Eq. 3, else, less exactly, from the short push.
-    acceleration_per_current: float
     goal: IdentificationGoal
     uncertainty: float              # share by which friction may differ, half of a 95 % interval
     warnings: list[str] = field(default_factory=list)
@@ -469,15 +457,13 @@ def curve_misfit(points: Sequence[KineticPoint], sigmoid: Sigmoid) -> float:
 
 # What is doubtful, as texts.
 
-def doubts_of_cycles(cycles: Sequence[Cycle], inertia: Inertia | None, drift: dict[float, float]
-                     ) -> list[str]:
-    """Return what is doubtful about cycles: currents, scatter, inertia, and drift."""
+def doubts_of_cycles(cycles: Sequence[Cycle], drift: dict[float, float]) -> list[str]:
+    """Return what is doubtful about cycles: currents, scatter, and drift."""
     measured = sum(cycle.friction for cycle in cycles)
     gain = measured / sum(replace(cycle, points=cycle.commanded).friction for cycle in cycles)
     offset = sum(one.current - other.current for cycle in cycles
                  for one, other in zip(cycle.points, cycle.commanded)) / (2.0 * measured)
     worst = max(cycles, key=lambda cycle: cycle.scatter)
-    doubt = max(inertia.differs, inertia.unexplained) if inertia else 0.0
     sizes = ', '.join(f'by {share:+.1%} at {speed:.3g} rad/s' for speed, share in drift.items())
     return [text for applies, text in (
         (abs(gain - 1.0) > _CURRENTS,
@@ -490,11 +476,6 @@ def doubts_of_cycles(cycles: Sequence[Cycle], inertia: Inertia | None, drift: di
          f'at {worst.speed:.3g} rad/s, the current varies by ±{worst.scatter:.0%} of friction, '
          'with lower gains as well: friction varies there, or the joint oscillates under its '
          'velocity controller'),
-        # Rigid joints with fine encoders stay below 0.01.
-        (doubt > 0.05,
-         f'the acceleration per current may be off by {doubt:.0%}: the joint swings, as one with '
-         'an elastic or heavy link, or its encoder is coarse. Presliding of a joint that swings '
-         'may be up to 30 % short'),
         (sizes, f'friction drifted during the measurement: {sizes}. The look-up table and its '
          'curve are those of the end, breakaway is the mean of the time before. Let the drive warm '
          'up, then identify it again')) if applies]
