@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 
 from friction_comp.drive import Drive
-from friction_comp.identification import cycles as twice
+from friction_comp.identification import measurements as twice
 from friction_comp.identification.curves import fit_sigmoid
-from friction_comp.identification.cycles import KineticPoint
 from friction_comp.identification.goal import cycle_state, IdentificationError, IdentificationGoal
-from friction_comp.identification.ramps import (
+from friction_comp.identification.measurements import (
     combined_presliding,
     evaluate_ramps,
     find_backlash,
     first_stair,
+    KineticPoint,
     RampFriction,
 )
 from friction_comp.identification.run import (

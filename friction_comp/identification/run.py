@@ -19,15 +19,15 @@ from scipy.interpolate import CubicHermiteSpline
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification import cycles as twice, ramps as stairs
+from friction_comp.identification import measurements as shown
 from friction_comp.identification.curves import fit_sigmoid
-from friction_comp.identification.cycles import Cycle, KineticPoint, MAX_SCATTER
 from friction_comp.identification.goal import (
     cycle_state,
     IdentificationError,
     IdentificationGoal,
     TrajectoryGoal,
 )
+from friction_comp.identification.measurements import Cycle, KineticPoint, MAX_SCATTER
 from friction_comp.identification.supervised_run import (
     LEAST_BANDWIDTH,
     Motion,
@@ -105,7 +105,7 @@ class IdentificationRun(SupervisedRun):
         super().__init__(goal, drive, torque)
         self.cycles: list[Cycle] = []      # at each speed, the lowest first: the look-up table
         self.repeated: list[Cycle] = []    # at the speeds driven once more after the ramps
-        self.ramps: list[stairs.Ramp] = []
+        self.ramps: list[shown.Ramp] = []
         self._held: dict[int, list[float]] = {1: [], -1: []}    # largest currents that held, A
         self._ramp_time, self._lost = 0.25 * goal.ramp_period + 3.0, 0
         # Every speed, then the lowest, the middle and the top one again, each once.
@@ -160,19 +160,15 @@ class IdentificationRun(SupervisedRun):
 
     def _too_fast(self, speed: float) -> str:
         """Return why a speed cannot be driven; '' if it can."""
-        if why := self.goal.too_short(speed, self.supervision.step):
-            return why
-        slow = self.bandwidth(self.gains[0])
-        if 0.3 * self.goal.cycle(speed)[0] * slow < 5.0:
-            return (f'its controller, of {slow:.0f} rad/s, does not settle within '
-                    f'{self.goal.motion_range:g} rad: widen the range')
-        limit, say = self.drive.current_limit, self.supervision.say
-        needed = self.push + self._accelerating_current(speed)
-        if needed <= 0.9 * limit:
-            return ''
-        return (f'within {self.goal.motion_range:g} rad it would take about {say(needed)} to '
-                f'accelerate, more than 90 % of the current limit of {say(limit)}: '
-                'widen the range')
+        slow, limit = self.bandwidth(self.gains[0]), self.drive.current_limit
+        needed, say = self.push + self._accelerating_current(speed), self.supervision.say
+        return self.goal.too_short(speed, self.supervision.step) or next((
+            f'within {self.goal.motion_range:g} rad {why}: widen the range' for applies, why in (
+                (0.3 * self.goal.cycle(speed)[0] * slow < 5.0,
+                 f'its controller, of {slow:.0f} rad/s, does not settle'),
+                (needed > 0.9 * limit,
+                 f'it would take about {say(needed)} to accelerate, more than 90 % of the current '
+                 f'limit of {say(limit)}')) if applies), '')
 
     def _measure_speed(self, speed: float) -> Motion:
         """Drive cycles at a speed with lower gains until its current is steady; keep the best."""
@@ -233,14 +229,14 @@ class IdentificationRun(SupervisedRun):
         """Find the largest current that holds, on one ramp; repeat it if no stair held."""
         held = self._held[sign]
         # Of a push's current, read late, this surely holds.
-        first = stairs.first_stair(held or [0.8 * self.known[sign][0][1]])
+        first = shown.first_stair(held or [0.8 * self.known[sign][0][1]])
         while True:
             begin = self.sample.time
             ramp, level = yield from self._ramp(sign, first)
             if ramp is not None:
                 break
             self._lost += 1
-            first = stairs.first_stair([first])
+            first = shown.first_stair([first])
             if self._lost > 2 + 0.4 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.supervision.say(level)}'
@@ -251,7 +247,7 @@ class IdentificationRun(SupervisedRun):
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
 
     def _ramp(self, sign: int, stair: float
-              ) -> Generator[float, Sample, tuple[stairs.Ramp | None, float]]:
+              ) -> Generator[float, Sample, tuple[shown.Ramp | None, float]]:
         """Raise the current, A, from `stair` until the joint slides away; return ramp and level."""
         yield from self._standstill(max(STILL_TIME, 0.1 * self.goal.ramp_period))
         watch = _Slide(self.sample, sign, self._resolution, 0.2 * self.goal.motion_range)
@@ -268,35 +264,35 @@ class IdentificationRun(SupervisedRun):
             rested = yield from self._pause(sign * current, watch)
             if rested is not None:
                 held, level = rested, current
-            stair *= 1.0 + (stairs.SLIDING_STAIR if watch.slides else stairs.STAIR)
+            stair *= 1.0 + (shown.SLIDING_STAIR if watch.slides else shown.STAIR)
         before, self._slid = self._slid, sign
         if held is None:
             return None, stair
-        return stairs.Ramp(sign, before, sample_rows(watch.samples), held, pauses), level
+        return shown.Ramp(sign, before, sample_rows(watch.samples), held, pauses), level
 
     def _rise(self, low: float, high: float, watch: _Slide) -> Motion:
         """Raise the current from `low` to `high`, A, without shaking the joint."""
-        begin, duration = self.sample.time, (high - low) / self.ramp_slope + stairs.STAIR_TIME
+        begin, duration = self.sample.time, (high - low) / self.ramp_slope + shown.STAIR_TIME
         share = 0.0
         while share < 1.0 and not watch.gone:
             share = min((self.sample.time - begin) / duration, 1.0)
-            level = low + (high - low) * stairs.risen(share, low == 0.0)
+            level = low + (high - low) * shown.risen(share, low == 0.0)
             watch.take((yield from self._step(watch.sign * level)))
 
-    def _pause(self, command: float, watch: _Slide) -> Generator[float, Sample, stairs.Held | None]:
+    def _pause(self, command: float, watch: _Slide) -> Generator[float, Sample, shown.Held | None]:
         """Keep a current until it is clear whether it holds the joint; return the rest, if so."""
-        begin, first, duration = self.sample.time, len(watch.samples) - 1, stairs.SHORTEST_PAUSE
+        begin, first, duration = self.sample.time, len(watch.samples) - 1, shown.SHORTEST_PAUSE
         while not watch.gone:
             watch.take((yield from self._step(command)))
             if self.sample.time - begin < 0.999 * duration:
                 continue
             time, position, _ = sample_rows(watch.samples[first:]).T
-            if stairs.rests(time, position, watch.sign, self._resolution):
+            if shown.rests(time, position, watch.sign, self._resolution):
                 watch.rest()
-                return stairs.Held(begin, self.sample.time, self.sample.position)
+                return shown.Held(begin, self.sample.time, self.sample.position)
             moved = watch.sign * (self.sample.position - position[0])
-            if (watch.slides or duration >= stairs.LONGEST_PAUSE
-                    or moved > stairs.SLIDE_SHARE * watch.sign * (position[0] - watch.home)):
+            if (watch.slides or duration >= shown.LONGEST_PAUSE
+                    or moved > shown.SLIDE_SHARE * watch.sign * (position[0] - watch.home)):
                 break
             duration *= 2.0
         watch.slides = True
@@ -316,10 +312,10 @@ class IdentificationRun(SupervisedRun):
         return self._result
 
     def _evaluate(self) -> IdentificationResult:
-        slopes = twice.position_slopes(self.cycles)
+        slopes = shown.position_slopes(self.cycles)
         cycles, repeated = (
-            twice.levelled(driven, slopes) for driven in (self.cycles, self.repeated))
-        points, drift = twice.without_drift(cycles, repeated)
+            shown.levelled(driven, slopes) for driven in (self.cycles, self.repeated))
+        points, drift = shown.without_drift(cycles, repeated)
         sigmoid, error = fit_sigmoid([p.actual_speed for p in points], [p.current for p in points])
         # The table is that of the speeds that were requested.
         points = sorted((replace(point, current=point.current + float(
@@ -327,10 +323,10 @@ class IdentificationRun(SupervisedRun):
             key=lambda point: point.speed)
         # The encoder's step: that of the drive, or a coarser one that was seen.
         seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
-        found = stairs.evaluate_ramps(
+        found = shown.evaluate_ramps(
             self.ramps, max(self._resolution, min(filter(None, seen), default=0.0)),
             self.supervision.acceleration, sigmoid.viscous)
-        breakaway, misfit = stairs.breakaway_of(self.ramps), curve_misfit(points, sigmoid)
+        breakaway, misfit = shown.breakaway_of(self.ramps), curve_misfit(points, sigmoid)
         say = self.supervision.say
         warnings = [
             *self.warnings, *doubts_of_cycles(cycles, drift), *found.warnings,
@@ -441,8 +437,8 @@ def uncertainty_of(cycles: Sequence[Cycle], repeated: Sequence[Cycle], misfit: f
     From the standard errors of the means, from how far friction moved between repetitions, and from
     `misfit`, the share of friction by which the curve of Eq. 6 is off the table (RMS).
     """
-    both = twice.pairs(cycles, repeated)
-    moved = [change / a.friction for (a, _), sides in zip(both, twice.changes(both))
+    both = shown.pairs(cycles, repeated)
+    moved = [change / a.friction for (a, _), sides in zip(both, shown.changes(both))
              for change in sides]
     # The difference of two measurements scatters by the root of two more than one.
     again = rms(np.array(moved)) / math.sqrt(2.0) if moved else 0.0

@@ -430,7 +430,6 @@ class SupervisedRun(ABC):
         self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
         self._slid, self._counted = 0, False    # latest slide's direction; encoder ever changed
-        self._inertia_is_typical = False        # whether the push did not show it
         self._run = self._motion()
         next(self._run)
         self._begin, self._progress = math.nan, 0.0
@@ -536,7 +535,6 @@ class SupervisedRun(ABC):
         # A joint's own breakaway torque accelerates it typically by 10 rad/s².
         typical = 10.0 / push
         rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
-        self._inertia_is_typical = not rates
         self.supervision.acceleration = max(rates, default=typical)
 
     def _short_push(self, sign: int) -> Generator[float, Sample, float]:

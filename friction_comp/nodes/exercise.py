@@ -57,7 +57,7 @@ class ExerciseNode(Node):
             self._at = lambda time: [np.full(size, one) for one in movement.at(time)]
             self._ends = lambda time: np.full(size, movement.end(movement.at(time)[2]))
         # Ticks: the start of the movement, the first and the last one, ns; the time of the last
-        # reference since the start, s.
+        # reference since the start, s; and real s since when all listeners are there.
         self._start: int | None = None
         self._first: int | None = None
         self._last: int | None = None

@@ -31,7 +31,6 @@ class RecorderNode(Node):
         self._rate, self._counts = Rate(), dict.fromkeys(RECORDED, 0)
         # No more messages are written, and why, if something went wrong.
         self._ended, self._failed = False, ''
-        self._lost_before = self._lost_reported = 0
         self._writer = RecordingWriter(
             output, {'recorded_by': 'friction_comp recorder',
                      **({'model_file': model} if model else {})},
@@ -84,11 +83,6 @@ class RecorderNode(Node):
                   **{topic: count + waiting[topic] for topic, count in self._counts.items()},
                   **{f'publishers of {name}': topic.publisher_count
                      for name, topic in self._topics.items()}}
-        # Warn when the number is stable for a second: it may decrease if a publisher was slow.
-        if lost == self._lost_before and lost > self._lost_reported:
-            self.get_logger().warning(f'messages lost so far: {self._describe_lost()}')
-            self._lost_reported = lost
-        self._lost_before = lost
         return first_of(
             values, (self._failed, ERROR, self._failed),
             (lost, WARN, f'messages lost: {self._describe_lost()}'),
