@@ -35,7 +35,7 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 from friction_comp.simulation.joint import Plant
 from simulated_recordings.closed_loop import closed_loop
-from simulated_recordings.small_model import LEVEL, small_model
+from simulated_recordings.random_gears import LEVEL, small_model
 
 
 def hold(law, direction, seconds=1.5, start=0.0):

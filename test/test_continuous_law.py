@@ -26,9 +26,7 @@ from friction_comp.model.effects.kinds import Hysteresis
 from friction_comp.model.friction_model import Presliding
 from friction_comp.model.measured import Recorded
 from friction_comp.simulation.joint_parameters import GEARS
-from simulated_recordings.gear_batch import push, run_gears
-from simulated_recordings.random_gears import random_gear
-from simulated_recordings.small_model import LEVEL, small_model
+from simulated_recordings.random_gears import LEVEL, push, random_gear, run_gears, small_model
 
 DEGREE = math.pi / 180.0
 COUNT = 2.0 * math.pi / 400_000

@@ -14,7 +14,7 @@ from friction_comp.compensation.law_kernel import LATE
 from friction_comp.compensation.law_parameters import SHARE
 from friction_comp.compensation.safety import END_BRAKE, END_MARGIN
 from friction_comp.simulation.joint import Plant
-from simulated_recordings.small_model import LEVEL, small_model
+from simulated_recordings.random_gears import LEVEL, small_model
 
 DEGREE = math.pi / 180.0
 HELP = SHARE - 0.5 * LATE     # some is withheld of a way that has lasted

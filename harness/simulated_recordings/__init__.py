@@ -3,6 +3,6 @@
 """Random simulated drives and gears, and loops around them, for tests and benchmarks.
 
 Recordings of drives with undeclared effects (`drives`), gears whose friction is drawn from
-plausible ranges (`random_gears`, `gear_batch`), and plant, law and person in one loop without
+plausible ranges (`random_gears`), and plant, law and person in one loop without
 middleware (`closed_loop`), which the nodes in lockstep must agree with.
 """

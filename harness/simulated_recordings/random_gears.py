@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random geared joints with LuGre, Maxwell-slip or clamp friction, from plausible ranges.
 
+Many of them run under their laws: let go, left alone, or pushed. And the smallest model that the
+law compensates.
+
 Where the ranges come from:
 
 - friction level, ratio, inertia, encoder: Harmonic Drive's catalogue of HFUC units (sizes 14 to
@@ -27,6 +30,8 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.simulation.batch import closed_loops
+from friction_comp.simulation.joint import random_states
 from friction_comp.simulation.joint_parameters import (
     ELEMENTS,
     GEARS,
@@ -34,17 +39,15 @@ from friction_comp.simulation.joint_parameters import (
     set_presliding,
 )
 
+LEVEL = 0.1     # A
+# rad, rad/s, N·m, A.
+LOGGED = ('rotor', 'rotor_speed', 'link_speed', 'interaction_torque', 'command')
+SAMPLE_TIME = 1e-3
+
 
 @dataclass(frozen=True)
 class RandomGear:
-    """A joint as it was drawn.
-
-    Parameters
-    ----------
-    parameters : record of joint_parameters.JOINT
-    model : FrictionModel
-        What a perfect identification would say of it.
-    """
+    """A joint's parameters as drawn, and what a perfect identification would say of it."""
 
     parameters: np.void
     model: FrictionModel
@@ -69,13 +72,7 @@ class RandomGear:
 
 
 def random_gear(seed: int, kind: str) -> RandomGear:
-    """Draw a joint.
-
-    Parameters
-    ----------
-    seed : int
-    kind : {'clamp', 'lugre', 'maxwell_slip'}
-    """
+    """Draw a joint of a kind of `GEARS`."""
     rng = np.random.default_rng([seed, GEARS[kind], 77])
 
     def spread(low: float, high: float) -> float:
@@ -114,3 +111,35 @@ def random_gear(seed: int, kind: str) -> RandomGear:
     p['voltage'] = p['back_emf'] * math.radians(300.0)
     p['resistance'] = p['voltage'] / (8.0 * level / scale)
     return RandomGear(p, model)
+
+
+def run_gears(parameters, laws, reference, seed=0, released=0, speed=0.0):
+    """Run R geared joints under their laws at 1 kHz; return what is `LOGGED`, and the laws' states.
+
+    `reference`, shape (3, N): position and velocity that the person follows, and the direction
+    announced. The person lets go at the sample `released`, 0: nobody ever holds the joint; `speed`
+    is that at the beginning, rad/s.
+    """
+    log, _, states = closed_loops(
+        np.array(list(parameters)), random_states(seed, len(parameters)),
+        np.concatenate(list(laws)), reference, sample_time=SAMPLE_TIME, released=released,
+        speed=speed, logged=LOGGED)
+    return log, states
+
+
+def push(acceleration_time, speed, begin, end, announced):
+    """Return the reference of a person who sets a joint in motion, shape (3, N).
+
+    The movement begins, the run ends and the direction is announced at these times, s.
+    """
+    time = np.arange(round(end / SAMPLE_TIME)) * SAMPLE_TIME
+    velocity = speed * np.clip((time - begin) / acceleration_time, 0.0, 1.0)
+    direction = np.where(time >= announced, math.copysign(1.0, speed), 0.0)
+    return np.stack((np.cumsum(velocity) * SAMPLE_TIME, velocity, direction))
+
+
+def small_model(factor=1.0):
+    """Return the model of a drive of 0.1 A, sliding and breaking away."""
+    return FrictionModel(
+        drive=Drive(0.1, 100.0, 4000), sigmoid=Sigmoid(factor * LEVEL, -factor * LEVEL, 200.0),
+        breakaway=Breakaway(factor * LEVEL, -factor * LEVEL), presliding=Presliding(3e-4))
