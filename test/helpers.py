@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What tests of several rooms share: the note's drives, loops that drive them, short searches."""
 
+from collections import deque
 from contextlib import contextmanager
 import copy
 from dataclasses import replace
 import functools
+import math
 import os
 from pathlib import Path
 import re
@@ -17,7 +19,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from friction_comp.identification.goal import Carried
+from friction_comp.identification.goal import Carried, IdentificationError, IdentificationGoal
+from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
@@ -28,6 +31,9 @@ from friction_comp.simulation.undeclared import Undeclared
 ROOT = Path(__file__).resolve().parent.parent
 # Of the current ramps on the note's drives, A/s
 SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
+# Of a quick identification
+GOAL = {'speeds': np.radians([20.0, 60.0, 100.0]).tolist(), 'breakaway_cycles': 2,
+        'longest_cycle': 3.0, 'ramp_period': 6.0, 'ramp_slope': 0.08, 'motion_range': 0.8}
 
 
 @functools.cache
@@ -96,20 +102,50 @@ def drive_along(law, places, direction=1, begin=0, velocity=None, is_pushed=Fals
         for k, (x, d, felt) in enumerate(zip(places, directions, pushes))])
 
 
-def follow(run, plant, alter=lambda run, sample: sample, carried=lambda position: 0.0):
-    """Let a run of identification command a plant to the end; return time, position and command.
+class Bench:
+    """A simulated joint whose sensors, or whose surroundings, may be wrong.
 
-    `alter` changes a sample, or returns None for one that is lost; `carried` returns the current
-    that holds the joint.
+    `alter` changes a sample, or returns None for one that is lost; `torque` acts from outside;
+    commands are `late` by some samples, and limited to `most`; `carried` returns the current that
+    holds the joint.
     """
-    rows, state, command = [], plant.state, 0.0
-    while not run.finished:
-        sample = alter(run, [state.time, state.position[0], state.velocity[0], state.current[0]])
-        if sample is not None:
-            command = run.update(*sample, carried(sample[1]))
-        rows.append((state.time, state.position[0], command))
-        state = plant.step([command])
-    return np.array(rows).T
+
+    def __init__(self, alter=lambda run, sample: sample, torque=lambda run, state: 0.0, seed=3,
+                 late=0, step=4e-3, drive=None, model=None, plant=None, most=math.inf, run=None,
+                 carried=lambda position: 0.0, **goal):
+        self.model = model or note_model()
+        self.alter, self.torque, self.carried = alter, torque, carried
+        self.plant = plant or Plant([self.model], seed=seed, sample_time=step)
+        self.run = run or IdentificationRun(
+            IdentificationGoal(**{**GOAL, **goal}), drive or self.model.drive)
+        self.largest = self.fastest = self.farthest = command = 0.0
+        self.marks, self.rows, self.waiting, self.most = [], [], deque([command] * late), most
+
+    def finish(self, longest=400.0):
+        run, state, command = self.run, self.plant.state, 0.0
+        while not run.finished and state.time < longest:
+            self.farthest = max(self.farthest, abs(state.position[0]))
+            self.fastest = max(self.fastest, abs(state.velocity[0]))
+            sample = self.alter(run, [
+                state.time, state.position[0], state.velocity[0], state.current[0]])
+            if sample is not None:
+                command = run.update(*sample, self.carried(sample[1]))
+            self.marks.append((state.time, run.progress, run.remaining, run.phase))
+            self.rows.append((state.time, state.position[0], command))
+            self.largest = max(self.largest, abs(command))
+            # A torque from outside acts on the joint as a current does, but is not measured.
+            push = self.torque(run, state) / self.model.drive.torque_per_current
+            self.waiting.append(max(-self.most, min(self.most, command)))
+            state = self.plant.step([self.waiting.popleft() + push])
+            state.current[0] -= push
+        return run.result() if isinstance(run, IdentificationRun) else None
+
+    def refused(self, words):
+        with pytest.raises(IdentificationError, match=words) as caught:
+            self.finish()
+        assert self.run.phase == 'failed'
+        assert self.run.error == str(caught.value)
+        return self.run.error
 
 
 def under_weight(model, weight, phase):

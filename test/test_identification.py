@@ -1,22 +1,27 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Identification of simulated joints: what it measures, what it tolerates, and what it refuses."""
+"""Identification of simulated joints: what it measures, tolerates and refuses; trajectories."""
 
-from collections import deque
 from contextlib import suppress
 from dataclasses import replace
+import functools
 import math
 import re
 
-from helpers import note_model, SLOPES, under_weight
+from helpers import Bench, GOAL, note_model, short_search, SLOPES, under_weight
 import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.run import IdentificationRun
+from friction_comp.excitation.plan import JointLimits, plan_joint
+from friction_comp.identification.goal import (
+    IdentificationError,
+    IdentificationGoal,
+    TrajectoryGoal,
+)
+from friction_comp.identification.run import IdentificationRun, TrajectoryRun
 from friction_comp.identification.supervised_run import Supervision
 from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -26,53 +31,6 @@ from friction_comp.simulation.undeclared import Undeclared
 # s; the note's experiments, in test_reproduce.py, are at a thousand samples a second, and what is
 # decided within milliseconds has twice as many samples
 STEP = 4e-3
-GOAL = {'speeds': np.radians([20.0, 60.0, 100.0]).tolist(), 'breakaway_cycles': 2,
-        'longest_cycle': 3.0, 'ramp_period': 6.0, 'ramp_slope': 0.08, 'motion_range': 0.8}
-
-
-class Bench:
-    """A simulated joint whose sensors, or whose surroundings, may be wrong.
-
-    `alter` changes a sample, or returns None for one that is lost; `torque` acts from outside;
-    commands are `late` by some samples, and limited to `most`; `carried` returns the current that
-    holds the joint.
-    """
-
-    def __init__(self, alter=lambda run, sample: sample, torque=lambda run, state: 0.0, seed=3,
-                 late=0, step=STEP, drive=None, model=None, plant=None, most=math.inf,
-                 carried=lambda position: 0.0, **goal):
-        self.model = model or note_model()
-        self.alter, self.torque, self.carried = alter, torque, carried
-        self.plant = plant or Plant([self.model], seed=seed, sample_time=step)
-        self.run = IdentificationRun(
-            IdentificationGoal(**{**GOAL, **goal}), drive or self.model.drive)
-        self.largest = self.fastest = self.farthest = command = 0.0
-        self.marks, self.waiting, self.most = [], deque([command] * late), most
-
-    def finish(self, longest=400.0):
-        run, state, command = self.run, self.plant.state, 0.0
-        while not run.finished and state.time < longest:
-            self.farthest = max(self.farthest, abs(state.position[0]))
-            self.fastest = max(self.fastest, abs(state.velocity[0]))
-            sample = self.alter(run, [
-                state.time, state.position[0], state.velocity[0], state.current[0]])
-            if sample is not None:
-                command = run.update(*sample, self.carried(sample[1]))
-            self.marks.append((state.time, run.progress, run.remaining, run.phase))
-            self.largest = max(self.largest, abs(command))
-            # A torque from outside acts on the joint as a current does, but is not measured.
-            push = self.torque(run, state) / self.model.drive.torque_per_current
-            self.waiting.append(max(-self.most, min(self.most, command)))
-            state = self.plant.step([self.waiting.popleft() + push])
-            state.current[0] -= push
-        return run.result()
-
-    def refused(self, words):
-        with pytest.raises(IdentificationError, match=words) as caught:
-            self.finish()
-        assert self.run.phase == 'failed'
-        assert self.run.error == str(caught.value)
-        return self.run.error
 
 
 # What it measures.
@@ -350,7 +308,11 @@ def test_a_steady_load_is_reported():
     ('velocity', 1, 0.0, -0.3, 'lags'), ('velocity', 1, 1.0, 0.7, 'range'),
     ('breakaway', 1, 1.0, -0.6, 'range'), ('velocity', 0, 1.0, 0.5, 'no sample for'),
     ('velocity', 0, 1.0, -2.0, 'went back'), ('velocity', 0, 0.0, math.nan, 'time'),
-    ('velocity', 3, 0.0, math.nan, 'current is not finite')])
+    ('velocity', 3, 0.0, math.nan, 'current is not finite'),
+    ('trajectory', 1, 0.0, 0.0, 'encoder is stuck'),
+    ('trajectory', 1, 1.0, 2.0, 'left its motion range'),
+    ('trajectory', 0, 1.0, 1.0, 'no sample for'), ('trajectory', 1, 0.0, math.nan, 'encoder'),
+    ('trajectory', 3, -1.0, 0.0, 'measured current')])
 def test_faults_end_the_run_with_zero_current(phase, index, kept, added, words):
     begun = []
 
@@ -360,12 +322,13 @@ def test_faults_end_the_run_with_zero_current(phase, index, kept, added, words):
         if begun and sample[0] > begun[0] + 0.3:
             sample[index] = kept * sample[index] + added
         return sample
-    bench = Bench(alter)
+    bench = following(2, alter=alter) if phase == 'trajectory' else Bench(alter)
     bench.refused(words)
     assert not bench.run.finished
     assert bench.run.update(1e3, 0.0, 0.0, 0.0) == 0.0
-    with pytest.raises(IdentificationError, match='not complete'):
-        bench.run.result()
+    if phase != 'trajectory':
+        with pytest.raises(IdentificationError, match='not complete'):
+            bench.run.result()
 
 
 def test_cancelling_gives_zero_current():
@@ -378,6 +341,11 @@ def test_cancelling_gives_zero_current():
         return sample
     with pytest.raises(KeyboardInterrupt):
         Bench(cancel).finish()
+    run = TrajectoryRun(planned(1), note_model(1).drive)
+    run.update(0.0, 0.0)
+    run.abort()
+    assert run.phase == 'failed'
+    assert not any(run.update(0.001 * k, 0.0) for k in range(1, 2000))
 
 
 def test_joint_that_moves_at_zero_current_is_refused():
@@ -503,3 +471,62 @@ def test_no_measured_current_changes_what_is_commanded(monkeypatch):
         commands.append(heard)
     assert len(commands[0]) > 5_000
     assert commands[0] == commands[1]
+
+
+# Trajectories.
+
+LIMITS = JointLimits('', -0.8, 1.0, 1.2, 6.0)
+
+
+@functools.cache
+def motion_planned():
+    with short_search(1):
+        return plan_joint(LIMITS, [('gravity', 'stribeck')], 20.0, 3).samples(50.0)
+
+
+def planned(number):
+    motion = motion_planned()
+    return TrajectoryGoal(motion.time, motion.position, np.asarray(motion.velocity),
+                          ramp_slope=SLOPES[number])
+
+
+def following(number, **changes):
+    return Bench(run=TrajectoryRun(planned(number), note_model(number).drive),
+                 model=note_model(number), **changes)
+
+
+# Of breakaway, the weights are none, a fifth and three times.
+@pytest.mark.parametrize(('number', 'weight', 'is_known'), [
+    (3, 0.0, True), (1, 0.02, False), (1, 0.3, True)])
+def test_a_plan_is_followed_beside_what_the_model_carries(number, weight, is_known):
+    changes = {'seed': 5}
+    if weight:
+        changes['plant'], _, known = under_weight(note_model(number), weight, 0.3)
+        changes |= {'carried': known} if is_known else {}
+    bench, goal = following(number, **changes), planned(number)
+    bench.finish()
+    time, position, command = np.array(bench.rows).T
+    assert bench.run.phase == 'done'
+    assert command[-1] == 0.0
+    assert LIMITS.lowest < position.min()
+    assert position.max() < LIMITS.highest
+    # Ends where the plan ends, and has been all over its range.
+    if not weight:
+        assert position[-1] == pytest.approx(goal.positions[-1], abs=0.01)
+    assert np.ptp(position) > 0.97 * goal.motion_range
+    assert np.abs(np.gradient(position[::5], time[::5])).max() < 1.05 * LIMITS.velocity
+
+
+@pytest.mark.parametrize('changes, words', [
+    ({'times': [0.0]}, 'two points'), ({'times': [0.0, 2.0, 1.0]}, 'do not ascend'),
+    ({'positions': [0.0, math.nan, 0.0]}, 'not finite'),
+    ({'positions': [0.1, 0.1, 0.1]}, 'does not move'),
+    ({'velocities': [0.5, 0.0, 0.0]}, 'at rest'), ({'times': [0.0, 1.0, 1e6]}, '3600'),
+    ({'velocities': []}, 'position and velocity'), ({'ramp_slope': 1e-300}, 'ramp_slope'),
+    ({'positions': [0.0, 1e300, 0.0]}, 'motion_range'),
+    ({'velocities': [0.0, 1e300, 0.0]}, 'speeds')])
+def test_a_trajectory_that_cannot_be_followed_is_refused(changes, words):
+    fine = {'times': [0.0, 1.0, 2.0], 'positions': [0.0, 0.5, 0.0], 'velocities': [0.0] * 3}
+    TrajectoryGoal(**fine)
+    with pytest.raises(InputError, match=words):
+        TrajectoryGoal(**{**fine, **changes})

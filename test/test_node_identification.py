@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import IdentifyFriction
-from helpers import follow, note_model
+from helpers import Bench, note_model
 from node_process import Process, unread_pipe
 import numpy as np
 import pytest
@@ -21,13 +21,11 @@ from std_msgs.msg import Float64MultiArray
 import yaml
 
 from friction_comp.errors import InputError
-from friction_comp.identification.goal import Carried, GOAL_LIMITS, IdentificationGoal
-from friction_comp.identification.run import IdentificationRun
+from friction_comp.identification.goal import Carried, GOAL_LIMITS
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.identification import identification_goal, IdentificationNode
 from friction_comp.ros.node_parts import described
-from friction_comp.simulation.joint import Plant
 
 # A name with slashes, as of an arm in a namespace, must not name another folder.
 JOINT, WEIGHT = '/left/elbow', 0.02    # A
@@ -223,9 +221,10 @@ def test_a_goal_ends_when_another_joint_falls():
 def test_what_was_measured_is_not_lost_with_its_file(tmp_path):
     """If the folder for the model files was deleted meanwhile."""
     model, logged = note_model(1), []
-    run = IdentificationRun(IdentificationGoal(
-        (0.8, 1.4), 0.8, 0.2, ramp_period=2.0, breakaway_cycles=1), model.drive)
-    follow(run, Plant([model], seed=1, sample_time=8e-3))
+    bench = Bench(seed=1, step=8e-3, speeds=(0.8, 1.4), ramp_slope=0.2, ramp_period=2.0,
+                  breakaway_cycles=1)
+    bench.finish()
+    run = bench.run
     (tmp_path / 'gone').write_text('no folder')
     node = SimpleNamespace(
         _joints=[JOINT], _models=[model], _carried=Carried([JOINT], [model]),
