@@ -179,6 +179,8 @@ def text(line):
 @pytest.mark.parametrize(('name', 'save', 'said'), [
     ('log.csv.gz', lambda path, t, q: path.write_bytes(gzip.compress(b'1' * 10_000_000)),
      'a line has more than'),
+    ('log.csv.gz', lambda path, t, q: path.write_bytes(gzip.compress('\n'.join(
+        ['t,q,tau', *[f'{a},{a},{a}' for a in t] * 99]).encode())[:-900]), 'is damaged: '),
     ('log.csv', text('9,0;0.1;3,314'), "'9,0' is not a number"),
     ('log.csv', text('9.0;0.1;3,314'), "column 'tau [mNm]': '3,314' is not a number"),
     ('log.csv', lambda path, t, q: path.write_text('\n'.join(['time;q;tau', *(
