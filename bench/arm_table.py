@@ -6,7 +6,7 @@
 
 Chains of two to six joints, all of which move. One recording is fitted, two are predicted, one of
 the same amplitude and one of another. Errors are multiples of the noise on the torque, where the
-joint moves; `held-out` is what refinement itself says. --seeds is a half-open range; even seeds
+joint moves; `said` is the error that refinement expects. --seeds is a half-open range; even seeds
 are for tuning, odd ones are kept. Needs Pinocchio.
 """
 
@@ -25,7 +25,7 @@ from world.motion import KINDS
 
 MOTIONS = ('multi_sine', 'joystick', 'production', 'slow_sine')
 STANDING = 0.04  # of the speed that 95 % of the samples to fit are below
-TOO_FAR = 3.0  # times the held-out error, of an error on score
+TOO_FAR = 3.0  # times the error said, of an error on score
 
 
 def log_uniform(rng, low, high, size=None):
@@ -94,7 +94,7 @@ def judge(seed):
         report = refined.report
         result.update(
             seconds=time.process_time() - began, start=error(refined.start),
-            refined=error(refined.model), held_out=report.after.held_out_rmse / case.noise,
+            refined=error(refined.model), said=report.after.elsewhere_motion_rmse / case.noise,
             verdict=report.verdict, effects=[effect.name for effect in report.effects])
     except Exception as failure:  # counted and shown, so that one seed does not end the table
         result['failed'] = f'{type(failure).__name__}: {failure}'
@@ -107,7 +107,7 @@ def line(result):
             f"{result['noise']:9.2g} ")
     if 'failed' in result:
         return f"{text}FAILED {result['failed']}"
-    return text + (f"{result['start']:8.2f} {result['refined']:8.2f} {result['held_out']:8.2f} "
+    return text + (f"{result['start']:8.2f} {result['refined']:8.2f} {result['said']:8.2f} "
                    f"{result['seconds']:6.1f} s  {result['verdict']:14s} "
                    f"{', '.join(result['effects']) or 'none'}")
 
@@ -115,12 +115,12 @@ def line(result):
 def print_summary(results):
     """Print medians and 90th percentiles by type of motion and in total; `start` is Eq. 6 alone."""
     print(f'\n{"":12s}seeds failed      start, median 90 %  refined, median 90 %   '
-          f'trusted, yet beyond {TOO_FAR:.0f} x held-out')
+          f'trusted, yet beyond {TOO_FAR:.0f} x said')
     for kind in (*dict.fromkeys(r['kind'] for r in results), 'total'):
         chosen = [r for r in results if kind in (r['kind'], 'total')]
         answered = [r for r in chosen if 'failed' not in r]
         trusted = [r for r in answered if r['verdict'] in ('trust', 'trust in part')]
-        beyond = sum(r['refined'] > TOO_FAR * r['held_out'] for r in trusted)
+        beyond = sum(r['refined'] > TOO_FAR * r['said'] for r in trusted)
         start, refined = ('{:12.2f} {:8.2f}'.format(*np.quantile(
             [r[name] for r in answered] or [np.nan], (0.5, 0.9))) for name in ('start', 'refined'))
         print(f'{kind:12s}{len(chosen):5d} {len(chosen) - len(answered):6d} {start} {refined}   '
@@ -133,7 +133,7 @@ def main():
     parser.add_argument('--seeds', type=int, nargs=2, default=(0, 24), metavar=('FROM', 'TO'),
                         help='the first, and the one after the last')
     arguments = parser.parse_args()
-    print('seed motion   joint/of noise N·m    start  refined held-out   '
+    print('seed motion   joint/of noise N·m    start  refined     said   '
           'time    verdict        effects')
     results = []
     with processes(arguments.jobs) as pool:
