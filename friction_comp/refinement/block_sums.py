@@ -5,7 +5,8 @@
 For each block k, only the sums ``X_kᵀX_k``, ``X_kᵀy_k``, ``y_kᵀy_k`` and the number of rows are
 kept. Fits leave blocks out, or resample them, by weights. Blocks differ in motion, not in time: an
 exercise that is repeated twenty times has twenty parts and one motion. Leaving out a part does not
-tell what a model says of other motion; leaving out a regime does.
+tell what a model says of other motion; leaving out a regime does, and the more so the larger it is:
+of a sixteenth, the neighbours in position and time are fitted.
 """
 
 from __future__ import annotations
@@ -59,6 +60,20 @@ class BlockSums:
         own = fold == np.arange(int(fold.max()) + 1)[:, None]
         gram = np.tensordot(own.astype(float), self.gram, 1)
         return BlockSums(gram, np.bincount(fold, self.rows).astype(int), self.signs)
+
+    def errors_by_size(self, columns: Sequence[int]) -> np.ndarray:
+        """Return the squared error of each block where it is left out with others, (L, K).
+
+        A half of the blocks is left out at a time, a quarter, and so on to each by itself.
+        """
+        own, count, block = self.part(columns), len(self.rows), np.arange(len(self.rows))
+        sizes = [2 ** level for level in range(1, max(count - 1, 1).bit_length() + 1)]
+        folds = [block * min(size, count) // count for size in sizes]
+        total, parts = own.gram.sum(axis=0), [own.merged(fold) for fold in folds]
+        fits = solve(total - np.concatenate([part.gram for part in parts]), own.norms, own.signs)
+        first = np.cumsum([0, *(len(part.rows) for part in parts)])
+        return np.array([squared_errors(own.gram, fits[start + fold])
+                         for start, fold in zip(first, folds)])
 
     def held_out_errors(self, columns: Sequence[int], fold: np.ndarray | None = None) -> np.ndarray:
         """Return the squared error of each block by the fit to all blocks of other folds.
@@ -130,6 +145,8 @@ def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
     return np.asarray(result / norms)
 
 
+# Share of the largest variance of a feature that is about as much.
+_AS_MUCH = 0.7
 # Places in which a speed is compared with itself, and the scatter of one speed, of its mean.
 _PLACES, _ONE_SPEED = 20, 0.1
 
@@ -144,7 +161,8 @@ def ranks(values: np.ndarray) -> np.ndarray:
 def regimes_of(features: Sequence[np.ndarray], count: int) -> np.ndarray:
     """Return the regime of each row, shape (R,), 0..count - 1, by features, each (R,).
 
-    The rows are halved again and again, along the feature that varies most in the part.
+    The rows are halved again and again, along the feature that varies most in the part; of those
+    that vary about as much, the first. Neighbouring regimes make up a quarter, or a half.
     """
     scaled = np.array([ranks(values) for values in features if np.ptp(values) > 0.0])
     regime = np.zeros(scaled.shape[1], dtype=int)
@@ -152,7 +170,8 @@ def regimes_of(features: Sequence[np.ndarray], count: int) -> np.ndarray:
     while own < count:
         halves = []
         for rows in parts:
-            widest = int(np.argmax(np.var(scaled[:, rows], axis=1)))
+            spread = np.var(scaled[:, rows], axis=1)
+            widest = int(np.argmax(spread > _AS_MUCH * spread.max()))
             order = rows[np.argsort(scaled[widest, rows], kind='stable')]
             halves += [np.sort(order[:len(order) // 2]), np.sort(order[len(order) // 2:])]
         parts, own = halves, 2 * own

@@ -63,7 +63,7 @@ def errors_of(rows: Rows, predicted: Predicted, name: str, least: float = 0.0) -
     """Return the errors of a model.
 
     The error to expect elsewhere is that of regimes that were not fitted, and one standard error
-    over them, or at `least` another one, A.
+    over them, or at `least` another one, A: that where half of the motion was not fitted, say.
     """
     moving, held_out = rows.usable, predicted.held_out
     errors, still = held_out[moving], held_out[~moving]
@@ -172,8 +172,8 @@ def friction_shows(fit: Fit) -> bool:
                          for column in table.columns_of[term])}
     rest = [column for column in table.indices(fit.terms, derivatives=False)
             if column not in resisting]
-    return Search(table).is_better(
-        table.sums.held_out_errors(rest), table.errors(fit.terms, False))
+    return Search.is_better(
+        table.sums.errors_by_size(rest), table.errors(fit.terms, False))
 
 
 def other_recordings(fit: Fit) -> tuple[float, str]:
@@ -201,10 +201,12 @@ def other_recordings(fit: Fit) -> tuple[float, str]:
 
 
 def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Dependence],
-             questions: Sequence[Question], between: tuple[float, str]) -> Iterator[Finding]:
+             questions: Sequence[Question], between: tuple[float, str], left_out: float
+             ) -> Iterator[Finding]:
     """Yield all findings on a model but those on its numbers.
 
-    `between` is what `other_recordings` returns.
+    `between` is what `other_recordings` returns, `left_out` the largest RMS error where a part of
+    the motion is not fitted, from a sixteenth to a half, A.
     """
     rows, held_out, expected = fit.rows, after.held_out_rmse, after.elsewhere_motion_rmse
     constant = float(np.std(rows.target[rows.usable]))
@@ -235,10 +237,10 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
             f'with {error / held_out:.2g} times the error. What differs most is {differs}.',
             IN_PART, 'refine each recording alone (--each), or record what differs (temperature, '
             'load, unit)')
-    if held_out > thresholds.GROWTH * after.fit_rmse:
+    if left_out > thresholds.GROWTH * after.fit_rmse:
         yield Finding(
             'extrapolates', f'Motion that was not fitted is predicted with '
-            f'{held_out / after.fit_rmse:.2g} times the error, worst {_worst_regime(fit)}: the '
+            f'{left_out / after.fit_rmse:.2g} times the error, worst {_worst_regime(fit)}: the '
             'model is only supported where it was fitted.', IN_PART,
             'record more of such motion')
     for entry in dependences:
@@ -319,7 +321,7 @@ def _helped_person(samples: Samples, accelerates: bool) -> Iterator[Finding]:
 
 def _worst_regime(fit: Fit) -> str:
     """Return in which motion the error of regimes that were not fitted is the largest, in words."""
-    errors = fit.table.errors(fit.terms, False) / fit.table.sums.rows
+    errors = fit.table.errors(fit.terms, False).mean(axis=0) / fit.table.sums.rows
     rows = fit.rows.at_rows.take(fit.rows.parts[int(np.argmax(errors))])
     low, high = np.quantile(rows.position, (0.05, 0.95))
     slow, fast = np.quantile(np.asarray(rows.velocity), (0.05, 0.95))

@@ -188,11 +188,12 @@ def regimes_in(samples: Samples, start: np.ndarray, length: int = 1,
                others: Sequence[np.ndarray] = ()) -> np.ndarray:
     """Return the regime of motion of each row of `length` samples, shape (R,).
 
-    Regimes differ in position, velocity, acceleration and load; where other joints moved too, whose
-    positions are `others`, each (N,), in posture: a wrong term may fit one posture alone.
+    Regimes differ in position, speed, acceleration and load; where other joints moved too, whose
+    positions are `others`, each (N,), in posture: a wrong term may fit one posture alone. Each has
+    both directions, without which Coulomb friction is an offset.
     """
-    signals = others or (samples.position, samples.velocity, samples.acceleration, samples.load,
-                         samples.rigid_body)
+    signals = others or (samples.position, np.abs(np.asarray(samples.velocity)),
+                         samples.acceleration, samples.load, samples.rigid_body)
     return regimes_of([values[start + length // 2] for values in signals if values is not None],
                       int(thresholds.REGIMES))
 

@@ -219,8 +219,10 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
         base += ', the measured load taken as it is'
     name = ' + '.join(['the given model' if given else 'sigmoid of Eq. 6',
                        *(effect.name for effect in effects)])
+    sizes = fit.rmse_by_size()
     errors = judge.errors_of(rows, refined, name, max(
-        between[0], judge.error_by_steps(raw, refined, rows.usable)))
+        between[0], judge.error_by_steps(raw, refined, rows.usable),
+        0.0 if kept else float(sizes.max())))
     notes = _notes(problem, refined)
     # Only where the unit of position was assumed, not given.
     if any(' in rad' in one.partition(' (')[0] for one in origin.assumed):
@@ -228,7 +230,8 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
     verdict = verdict_of([
         *judge.findings_on_numbers(friction, errors.held_out_rmse, float(np.abs(
             rows.target).max())),
-        *judge.findings(fit, raw, errors, dependences, questions, between), *notes], unit)
+        *judge.findings(
+            fit, raw, errors, dependences, questions, between, float(sizes.max())), *notes], unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
         samples_clipped=int(rows.clipped.sum()),

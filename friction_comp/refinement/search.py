@@ -53,12 +53,13 @@ _LEAST_GAIN = 1e-3
 def gain_of(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
     """Return the share of a squared error that is gained, and the gain in standard errors.
 
-    Both are the errors of regimes, (K,). In the second, each counts relative to its own error, so
-    that one with large errors cannot decide.
+    Both are the errors of regimes, (K,), or by how much is left out, (L, K). In the second, each
+    regime that is left out by itself, since others share a fit, counts relative to its own error,
+    so that one with large errors cannot decide.
     """
-    gain, count = before - after, len(before)
-    ratio = gain / np.maximum(before + after, 1e-300)
-    mean = float(ratio.sum()) / count
+    gain = before - after
+    ratio = np.atleast_2d(gain / np.maximum(before + after, 1e-300))[-1]
+    mean, count = float(ratio.mean()), len(ratio)
     scatter = math.sqrt(float(np.sum((ratio - mean) ** 2)) / (count - 1) / count)
     return float(gain.sum() / max(before.sum(), 1e-300)), mean / max(scatter, 1e-12)
 
@@ -430,8 +431,14 @@ class Fit:
 
     def rmse_with(self, terms: Sequence[Term]) -> float:
         """Return the held-out RMS error of some of the terms, at the present transition, A."""
-        errors = self.table.errors(terms, derivatives=False)
+        errors = self.table.sums.held_out_errors(self.table.indices(terms, derivatives=False))
         return math.sqrt(float(errors.sum()) / float(self.table.sums.rows.sum()))
+
+    def rmse_by_size(self) -> np.ndarray:
+        """Return the RMS errors where a half of the motion is not fitted, a quarter, ..., A."""
+        table = self.table
+        errors = table.sums.errors_by_size(table.indices(self.terms, derivatives=False))
+        return np.sqrt(errors.sum(axis=1) / float(table.sums.rows.sum()))
 
     def columns(self) -> np.ndarray:
         """Return the columns of Eq. 6 and of the terms on all samples, shape (N, S)."""
@@ -517,7 +524,8 @@ def find_best_fit(problem: Problem) -> Fit:
     # A plain drive knows of no ripple, which a filter of motion or of the load blurs.
     wider = smooth_settings(problem.raw)
     if best.settings['bandwidth'] < wider['bandwidth'] or best.settings.get('signals'):
-        best = min(best, search_with(problem, wider), key=lambda fit: fit.rmse_with(fit.terms))
+        best = min(best, search_with(problem, wider), key=lambda fit: float(
+            fit.table.errors(fit.terms, False).sum()) / len(fit.table.target))
     best = _at_best_motion(problem, best)
     lagged = best
     # Terms stood in for a part of the lag: with them gone, it is found once more.

@@ -35,7 +35,7 @@ PASSED_AGAIN = Threshold(
     0.4, 'of the motion', 'must be at places that were passed before: only there can predictions '
     'of what was not fitted be wrong about position')
 ONE_MOTION = Threshold(
-    0.9, "of the speed's variance", 'told by place and direction: more is one motion, repeated')
+    0.85, "of the speed's variance", 'told by place and direction: more is one motion, repeated')
 # Bandwidth and lag.
 EQUIVALENT = Threshold(
     0.005, 'of the error', 'less is ignored: the wider bandwidth or sharper transition is used')
@@ -66,7 +66,7 @@ BREAKAWAY_SPREAD = Threshold(
     0.1, 'of the level', 'largest standard deviation of breakaway: what a law leaves to the gear')
 # The verdict.
 GROWTH = Threshold(
-    1.3, 'times', 'the error where it was fitted: more in regimes that were not is said')
+    1.5, 'times', 'the error where it was fitted: more in motion that was not is said')
 LEAST_STRENGTH = Threshold(
     0.03, 'of the residual variance', 'weaker dependences on a variable are not reported')
 UNEXPLAINED = Threshold(
