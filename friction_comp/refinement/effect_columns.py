@@ -171,12 +171,12 @@ class Table:
         indices = self.indices(terms, derivatives=False)
         return dict(zip(indices, map(float, self.sums.fit(indices))))
 
-    def errors(self, terms: Sequence[Term], derivatives: bool = True) -> np.ndarray:
+    def errors(self, terms: Sequence[Term]) -> np.ndarray:
         """Return the squared error of each regime that is not fitted, shape (L, B).
 
         It is the criterion of choice, see `BlockSums.errors_by_size`.
         """
-        return self.sums.errors_by_size(self.indices(terms, derivatives))
+        return self.sums.errors_by_size(self.indices(terms, derivatives=False))
 
     def fit_transition(self, terms: Sequence[Term], rounds: int = 4) -> None:
         """Move the transition of Eq. 6 to its optimum beside some terms, by Gauss-Newton steps."""

@@ -173,7 +173,7 @@ def friction_shows(fit: Fit) -> bool:
     rest = [column for column in table.indices(fit.terms, derivatives=False)
             if column not in resisting]
     return Search.is_better(
-        table.sums.errors_by_size(rest), table.errors(fit.terms, False))
+        table.sums.errors_by_size(rest), table.errors(fit.terms))
 
 
 def other_recordings(fit: Fit) -> tuple[float, str]:
@@ -321,7 +321,7 @@ def _helped_person(samples: Samples, accelerates: bool) -> Iterator[Finding]:
 
 def _worst_regime(fit: Fit) -> str:
     """Return in which motion the error of regimes that were not fitted is the largest, in words."""
-    errors = fit.table.errors(fit.terms, False).mean(axis=0) / fit.table.sums.rows
+    errors = fit.table.errors(fit.terms).mean(axis=0) / fit.table.sums.rows
     rows = fit.rows.at_rows.take(fit.rows.parts[int(np.argmax(errors))])
     low, high = np.quantile(rows.position, (0.05, 0.95))
     slow, fast = np.quantile(np.asarray(rows.velocity), (0.05, 0.95))

@@ -192,8 +192,11 @@ def regimes_in(samples: Samples, start: np.ndarray, length: int = 1,
     positions are `others`, each (N,), in posture: a wrong term may fit one posture alone. Each has
     both directions, without which Coulomb friction is an offset.
     """
-    signals = others or (samples.position, np.abs(np.asarray(samples.velocity)),
-                         samples.acceleration, samples.load, samples.rigid_body)
+    position, turn = samples.position, 2.0 * math.pi
+    # A joint that turns on is at the same places again.
+    place = position % turn if np.ptp(position[start]) > turn else position
+    signals = others or (place, np.abs(np.asarray(samples.velocity)), samples.acceleration,
+                         samples.load, samples.rigid_body)
     return regimes_of([values[start + length // 2] for values in signals if values is not None],
                       int(thresholds.REGIMES))
 

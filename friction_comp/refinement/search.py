@@ -53,13 +53,12 @@ _LEAST_GAIN = 1e-3
 def gain_of(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
     """Return the share of a squared error that is gained, and the gain in standard errors.
 
-    Both are the errors of regimes, (K,), or by how much is left out, (L, K). In the second, each
-    regime that is left out by itself, since others share a fit, counts relative to its own error,
-    so that one with large errors cannot decide.
+    Both are the errors of regimes, (K,). In the second, each counts relative to its own error, so
+    that one with large errors cannot decide.
     """
-    gain = before - after
-    ratio = np.atleast_2d(gain / np.maximum(before + after, 1e-300))[-1]
-    mean, count = float(ratio.mean()), len(ratio)
+    gain, count = before - after, len(before)
+    ratio = gain / np.maximum(before + after, 1e-300)
+    mean = float(ratio.sum()) / count
     scatter = math.sqrt(float(np.sum((ratio - mean) ** 2)) / (count - 1) / count)
     return float(gain.sum() / max(before.sum(), 1e-300)), mean / max(scatter, 1e-12)
 
@@ -136,12 +135,14 @@ class Search:
     def is_better(before: np.ndarray, after: np.ndarray) -> bool:
         """Return whether an error becomes clearly lower: by a share, and beyond its scatter.
 
-        What halves the squared error may do so in fewer regimes: friction near standstill is in
-        some alone.
+        Both are those of each regime, the last row of (L, K); where more is left out, the error
+        must not grow: what is wrong in other motion fits a regime between others well. What halves
+        the squared error may do so in fewer regimes: friction near standstill is in some alone.
         """
-        share, errors = gain_of(before, after)
+        share, errors = gain_of(np.atleast_2d(before)[-1], np.atleast_2d(after)[-1])
         least = thresholds.STANDARD_ERRORS * (0.5 if share > 0.5 else 1.0)
-        return share > thresholds.LEAST_SHARE and errors > least
+        return bool(share > thresholds.LEAST_SHARE and errors > least
+                    and after.sum() < before.sum())
 
     def holds_over_time(self, term: Term, rest: Sequence[Term]) -> bool:
         """Return whether an effect of time lowers the error in parts of time, too, beside others.
@@ -227,7 +228,7 @@ class Search:
             before, transition = self.errors(terms), self.table.transition
             trials = [(self.errors(self.with_own_terms([*terms, term])), term)
                       for term in self.shortlist(terms)]
-            trials.sort(key=lambda trial: float(trial[0].sum()))
+            trials.sort(key=lambda trial: float(trial[0][-1].sum()))
             best = next((term for after, term in trials if self.is_better(before, after)
                          and self.holds_over_time(term, terms)
                          and term in self.without_collinear([*terms, term])), None)
@@ -251,7 +252,7 @@ class Search:
                     continue
                 without = self.errors(rest)
                 if not self.is_better(without, full):
-                    trials.append((float(without.sum()), term))
+                    trials.append((float(without[-1].sum()), term))
             if not trials:
                 return terms
             terms.remove(min(trials, key=lambda trial: trial[0])[1])
@@ -455,7 +456,7 @@ class Fit:
     def chosen(self, term: Term) -> float:
         """Return the share of regimes that are predicted better with a term."""
         rest = [other for other in self.terms if other != term]
-        return float(np.mean(self.table.errors(self.terms, False) < self.table.errors(rest, False)))
+        return float(np.mean(self.table.errors(self.terms) < self.table.errors(rest)))
 
 
 def fit_eq6_alone(fit: Fit) -> Fit:
@@ -525,7 +526,7 @@ def find_best_fit(problem: Problem) -> Fit:
     wider = smooth_settings(problem.raw)
     if best.settings['bandwidth'] < wider['bandwidth'] or best.settings.get('signals'):
         best = min(best, search_with(problem, wider), key=lambda fit: float(
-            fit.table.errors(fit.terms, False).sum()) / len(fit.table.target))
+            fit.table.errors(fit.terms).sum()) / len(fit.table.target))
     best = _at_best_motion(problem, best)
     lagged = best
     # Terms stood in for a part of the lag: with them gone, it is found once more.
@@ -577,7 +578,7 @@ def _at_best_motion(problem: Problem, fit: Fit) -> Fit:
 
 def _better(first: Fit, second: Fit, least: float) -> Fit:
     """Return the second fit if it has clearly less error, by a share; else the first."""
-    share, errors = gain_of(*(fit.table.errors(fit.terms) / fit.table.sums.rows
+    share, errors = gain_of(*(fit.table.errors(fit.terms).mean(axis=0) / fit.table.sums.rows
                               for fit in (first, second)))
     return second if share > least and errors > thresholds.STANDARD_ERRORS else first
 
@@ -706,19 +707,19 @@ def rivals_of(fit: Fit) -> dict[Term, list[str]]:
     table = fit.table
     rivals: dict[Term, list[str]] = {term: [] for term in fit.terms[fit.initial_count:]}
     search = Search(table, fit.terms[:fit.initial_count])
-    own, transition = table.errors(fit.terms, False), table.transition
+    own, transition = table.errors(fit.terms), table.transition
     for term, named in rivals.items():
         rest = [other for other in fit.terms if other != term]
         search.update_candidates(rest)
         search.candidates = [other for other in search.candidates if other.choice != term.choice]
-        without = table.errors(rest, False)
+        without = table.errors(rest)
         for other in search.shortlist(rest):
             # A rival, whose constants are not adjusted yet, must bring half of what the term does.
             if other.kind.name == term.kind.name or other.kind.name in named or not (
-                    table.errors([*rest, other], False).sum() < 0.5 * (own + without).sum()):
+                    table.errors([*rest, other]).sum() < 0.5 * (own + without).sum()):
                 continue
             instead = adjust_constants(table, [*rest, other], 3)
-            if not search.is_better(table.errors(instead, False), own):
+            if not search.is_better(table.errors(instead), own):
                 named.append(other.kind.name)
         table.set_transition(*transition)
         table.add(fit.terms)
