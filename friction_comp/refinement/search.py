@@ -390,8 +390,8 @@ def _with_current_loads(table: Table, terms: list[Term]) -> list[Term]:
 
 # A model without a weight beside the links may have so much more of the error.
 _AS_GOOD = 1.1
-# Times that filters are chosen with the terms found before.
-_FILTERS = 3
+# Most times that filters, or a lag, are chosen with the terms found before.
+_FILTERS = 5
 # Number of lags that are tried on each side, from half a sample to the longest.
 _LAGS = 9
 # Transitions that are tried on all samples, and the most samples for that.
@@ -530,7 +530,7 @@ def find_best_fit(problem: Problem) -> Fit:
     best = _at_best_motion(problem, best)
     lagged = best
     # Terms stood in for a part of the lag: with them gone, it is found once more.
-    for _ in range(2):
+    for _ in range(_FILTERS):
         settings = _with_best_lag(lagged)
         if settings == lagged.settings:
             break
