@@ -320,7 +320,6 @@ class ArmFit:
     strength: float  # of the regularisation
     held_out: np.ndarray  # (J,): RMS error in A on stretches not fitted
     without: np.ndarray  # (J,): the same for a fit without the links, only friction and rotor
-    identifiable: int  # number of combinations of the links' parameters that the motion determines
     intervals: LinkIntervals  # of the links and the currents per torque
     declared: bool  # whether the currents per torque are those given
 
@@ -368,7 +367,6 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         tree=tree, start=chain.tree, scales=scales,
         friction=prior.friction(x)[:, :FRICTION], differentiation=best.settings,
         strength=prior.strength, held_out=_held_out(sums, prior, best.x), without=without,
-        identifiable=identifiable(whole.total[:, :links, :links].sum(axis=0)),
         intervals=solver.confidence_intervals(whole.sums, prior, x),
         declared=problem.declared is not None)
 
@@ -446,18 +444,6 @@ def _mounted(problem: _Problem, best: _Trial) -> tuple[_Problem, _Trial]:
     return (mounted, mounted.best()) if clearly else (problem, best)
 
 
-def identifiable(products: np.ndarray) -> int:
-    """Return the number of combinations of parameters that the joint torques determine.
-
-    `products`, shape (10·J, 10·J), are the sums of products of the links' columns.
-    """
-    norm = np.sqrt(np.diag(products))
-    seen = norm > 1e-9 * max(norm.max(), 1e-300)
-    scaled = products[np.ix_(seen, seen)] / norm[seen] / norm[seen, None]
-    values = np.sqrt(np.maximum(np.linalg.eigvalsh(scaled), 0.0))
-    return int(np.count_nonzero(values > 1e-6 * values.max(initial=0.0)))
-
-
 def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
     arm = joints[0].arm
     return candidate_settings(joints[0], None if arm is None else arm.velocity, _BANDWIDTHS)
@@ -530,7 +516,6 @@ class ArmResult:
             return {'mass': mass, 'first_moment': others[:3], 'inertia': others[3:]}
         return {
             'joints': list(tree.joints), 'gravity': tree.gravity,
-            'identifiable_parameters': fit.identifiable,
             'differentiation': dict(fit.differentiation), 'regularisation': fit.strength,
             'rigid_bodies': [{
                 'joint': name, 'current_per_torque': fit.scales[k],

@@ -179,7 +179,7 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
     pairs: dict[str, str] = {}
     listed = ', '.join(map(repr, described))
     # Equal names of all joints come first: a gripper's finger_joint1 must not take joint1.
-    for alike in (str.__eq__, _same_words, _ends_alike):
+    for alike in (str.__eq__, _ends_alike):
         free = [other for other in described if other not in pairs.values()]
         found = {name: [other for other in free if alike(name, other)]
                  for name in recorded if name not in pairs}
@@ -195,10 +195,6 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
         raise InputError(f'{path}: joint {unknown[0]!r} of the recording is not in the URDF, whose '
                          f'joints are {listed}')
     return pairs, unknown
-
-
-def _same_words(one: str, other: str) -> bool:
-    return _words(one) != [] and ''.join(_words(one)) == ''.join(_words(other))
 
 
 def _ends_alike(one: str, other: str) -> bool:

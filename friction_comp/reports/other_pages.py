@@ -200,8 +200,6 @@ def _add_links(page: Report, result: ArmResult, unit: str) -> None:
     arm = result.report()
     page.heading('Weight and inertia of the links')
     page.text(
-        f"The joints' torques determine {arm['identifiable_parameters']} combinations of the "
-        f"links' {10 * len(arm['joints'])} inertial parameters; the others stay as in the URDF. "
         'Only sums along the arm are certain: an error of one mass may be compensated by that of '
         'a neighbouring link, or by the current per torque where torque constants were not given.')
     page.table(
