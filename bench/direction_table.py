@@ -8,19 +8,19 @@
 --draws are gears of each kind, --hours are of rest. Even seeds are for tuning on, odd seeds are
 kept for judging.
 
-Sensors are those of `simulation.cheap_sensors`, on joints that are held. Followers are under a soft
+Sensors are those of `harness/cheap_sensors.py`, on joints that are held. Followers are under a soft
 MIT-mode controller on slow references, beside a tanh of the measured and of the desired speed.
 """
 
 import math
 
 from bench_tools import table_parser
+from cheap_sensors import CheapForce
 import numpy as np
 
 from friction_comp import CompensationLaw
 from friction_comp.direction.announced import DesiredMotion
 from friction_comp.direction.force_sensor import CALIBRATION_TIME, ForceDirection
-from friction_comp.simulation.cheap_sensors import CheapForce
 from law_judge.bank import Bank, Joints, true_models
 from world import gear as world
 from world.person import nobody

@@ -21,7 +21,6 @@ from friction_comp.reports.figures import (
     styled,
     to_svg,
 )
-from friction_comp.simulation.cheap_sensors import CheapForce
 
 ROOT = Path(__file__).resolve().parent.parent
 # Of the first picture.
@@ -61,20 +60,18 @@ def torque(time):
 
 def sensed():
     """Return times, the sensor's values, and what was announced."""
-    plant = CheapForce(np.ones(1), 1, 100.0)
-    source = ForceDirection(plant.range)
+    random, source = np.random.default_rng(1), ForceDirection((0.0, 1023.0))
     begin, rows, said = -CALIBRATED - 0.5, [], []
     for k in range(round((LAST - begin) * 100)):
         time = begin + 0.01 * (k + 1)
-        fine = time + 1e-3 * np.arange(-10, 0)
         source.motion.add(time, float(position(time)))
-        values = plant.sample(torque(fine)[:, None])[:, 0]
-        source.add(time, values)
+        value = np.rint(500.0 + 120.0 * torque(time) + random.normal())
+        source.add(time, [value])
         if abs(time + CALIBRATED) < 5e-3:
             source.begin_calibration()
         elif abs(time + 0.9) < 5e-3:
             assert not source.failure, source.failure
-        rows.append((time, values[-1]))
+        rows.append((time, value))
         said.append(source.at(time).direction)
     return (*np.array(rows).T, np.array(said))
 

@@ -4,13 +4,13 @@
 
 import math
 
+from cheap_sensors import CheapForce, FAULTS
 import numpy as np
 import pytest
 
 from friction_comp.direction.announced import DesiredMotion, PlannedDirection
 from friction_comp.direction.force_sensor import CALIBRATION_TIME, ChangeTest, ForceDirection
 from friction_comp.errors import InputError
-from friction_comp.simulation.cheap_sensors import CheapForce, FAULTS
 
 COUNTS = (0.0, 1023.0)
 

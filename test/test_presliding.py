@@ -15,8 +15,14 @@ from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.measured import Presliding
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.reversals import friction_at_rest
-from friction_comp.simulation.joint import joint_sample, measure, random_states, start_joint
-from friction_comp.simulation.joint_parameters import JOINT_STATE, MEASURED
+from friction_comp.simulation.joint import (
+    joint_sample,
+    JOINT_STATE,
+    measure,
+    MEASURED,
+    random_states,
+    start_joint,
+)
 from friction_comp.simulation.undeclared import COLUMNS
 from simulated_recordings.random_gears import random_gear
 

@@ -16,9 +16,16 @@ from friction_comp.errors import InputError
 from friction_comp.exercise.exercise_script import ReferenceMovement
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
-from friction_comp.simulation.joint import Plant, random_states, start_joint
-from friction_comp.simulation.joint_motion import ARRIVED, draw_levels, friction_level
-from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE
+from friction_comp.simulation.joint import (
+    ARRIVED,
+    draw_levels,
+    friction_level,
+    joint_parameters,
+    JOINT_STATE,
+    Plant,
+    random_states,
+    start_joint,
+)
 from friction_comp.simulation.mujoco_plant import MujocoPlant
 from friction_comp.simulation.undeclared import Undeclared
 
@@ -135,8 +142,8 @@ def test_movement_refuses_what_cannot_be(changes, words):
 def test_a_model_file_chooses_the_gear(gear):
     """Below breakaway it gives by a fraction of a milliradian, beyond it slides; late by two."""
     model = replace(note_model(1), simulation={
-        **note_model(1).simulation, 'gear': gear, 'delay_samples': 2, 'supply_voltage': 24.0,
-        'winding_resistance': 2.0, 'presliding_damping': 20.0})
+        **note_model(1).simulation, 'gear': gear, 'delay_samples': 2,
+        'presliding_damping': 20.0})
     plant = Plant([model], seed=4)
     currents = [plant.step([0.05]).current[0] for _ in range(5)]
     assert max(np.abs(currents[:2])) < 0.02 < min(currents[2:])
@@ -162,7 +169,6 @@ def test_undeclared_effects_act_on_every_gear():
 @pytest.mark.parametrize(('entries', 'word'), [
     ({'inertai': 0.1}, 'inertai'), ({'gear': 'worm'}, 'gear'), ({'gear': ['clamp']}, 'gear'),
     ({'gear': 'lugre', 'delay_samples': 9}, 'delay_samples'),
-    ({'gear': 'lugre', 'supply_voltage': 24.0}, 'winding_resistance'),
     ({'rotor_share': 0.5}, 'rotor_share needs a gear')])
 def test_what_is_not_known_of_a_simulation_is_refused(entries, word):
     with pytest.raises(InputError, match=word):

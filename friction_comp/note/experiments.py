@@ -26,8 +26,7 @@ from friction_comp.package_files import package_file
 from friction_comp.parallel import child_process
 from friction_comp.samples import Samples
 from friction_comp.simulation.batch import closed_loops
-from friction_comp.simulation.joint import Plant, random_states
-from friction_comp.simulation.joint_parameters import FRICTION, joint_parameters
+from friction_comp.simulation.joint import FRICTION, joint_parameters, Plant, random_states
 
 FALSE_START = math.radians(1.0)
 """rad by which a joint has started by itself; sticking joints deflect by 0.01 to 0.02 degrees."""

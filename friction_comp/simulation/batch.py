@@ -15,8 +15,14 @@ import numpy as np
 
 from friction_comp.compensation.law_kernel import decide, observe
 from friction_comp.compensation.law_parameters import STATE
-from friction_comp.simulation.joint import joint_sample, measure, start_joint
-from friction_comp.simulation.joint_parameters import JOINT_STATE, MEASURED, Record
+from friction_comp.simulation.joint import (
+    joint_sample,
+    JOINT_STATE,
+    measure,
+    MEASURED,
+    Record,
+    start_joint,
+)
 from friction_comp.simulation.undeclared import COLUMNS
 
 SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature', 'command',

@@ -2,8 +2,43 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated geared joints with encoder, current sensor, torque sensor S2 and a person.
 
-The plant node, `Plant` in a loop and the parallel runs of `reproduce` all call `joint_sample`. Its
-equations of motion are in `joint_motion`.
+The plant node, `Plant` in a loop and the parallel runs of `reproduce` all call `joint_sample`.
+Records of a joint's parameters, state and measured values are read by compiled code by name;
+`joint_parameters` makes the parameters of a model file.
+
+**Level**: ``g(ω) = max(|f̂(ω)|, g0 + (P - g0)·(1 - e)) + (g_b - g0)·e  with  e = exp(-|ω|/ω_s)``
+with f̂ of Eq. 6 and its plateau P, the breakaway level g_b, which is drawn again whenever the joint
+comes to stick, and ``g0 = min(mean g_b, P)``. The note's sigmoid passes through zero near
+standstill, but true friction starts at the breakaway level, and follows the sigmoid with the note's
+coefficients (Eq. 11) only beyond the transition.
+
+**The person** is a spring and a damper between reference and joint, with a reaction time. If the
+joint has not arrived when the reference movement ends, the person's torque increases until it does.
+
+**One inertia** (model files without `gear`): ``J·dω/dt = k_t·n·i + τ_human + τ_load - F`` with
+friction of an elastic bristle of stiffness σ0 and damping σ1, ``F = clamp(σ0·z + σ1·ω, -g, +g)``.
+Below this level there is no drift, however long or often the joint is pushed: unlike Dahl's and
+LuGre's models, it has true stiction (elasto-plastic friction: Dupont, Hayward, Armstrong and
+Altpeter, IEEE Trans. Automatic Control 47(5), 2002, with its plastic range shrunk to a point).
+
+**Two inertias**: with the rotor at φ, where encoder and friction act, and the link at θ,
+
+``J_m·φ'' = k_t·n·i - F - K·(φ - θ) - C·(φ' - θ')``
+``J_l·θ'' = K·(φ - θ) + C·(φ' - θ') + τ_human``
+
+In presliding, friction F depends on displacement; in sliding, it is the level g(|φ'|):
+
+- Maxwell slip: parallel elements j of stiffness k_j, damping c_j and share w_j, each
+  ``clamp(k_j·z_j + c_j·φ', ±w_j·g)``. Element j slips after its own distance; the largest of
+  these is the presliding distance. Sliding levels follow the speed with a lag, as in the
+  generalised Maxwell-slip model (Al-Bender, Lampaert and Swevers, IEEE Trans. Automatic Control
+  50(11), 2005). A single element is the clamp, but with a second inertia.
+- LuGre (Canudas de Wit, Olsson, Åström and Lischinsky, IEEE Trans. Automatic Control 40(3),
+  1995): ``z' = φ' - σ0·|φ'|·z/g``, ``F = σ0·z + σ1·e^(-(φ'/v_s)²)·z'``; the presliding distance
+  is g_b/σ0.
+
+The current follows its command with the amplifier's time constant, within the limits set by the
+supply voltage and the back-EMF.
 """
 
 from __future__ import annotations
@@ -11,25 +46,448 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import math
+from typing import Any
 
 from numba import njit
 import numpy as np
 from numpy.typing import ArrayLike
 
+from friction_comp.checks import check_mapping, check_number, check_whole_number
 from friction_comp.errors import InputError
+from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.simulation.joint_motion import draw_levels, move_geared, move_rigid, normal
-from friction_comp.simulation.joint_parameters import (
-    DELAYS,
-    ELEMENTS,
-    joint_parameters,
-    JOINT_STATE,
-    MEASURED,
-    Record,
-    RIGID,
-)
-from friction_comp.simulation.undeclared import COLUMNS, Undeclared, warmed_up
+from friction_comp.model.sigmoid import kinetic_current
+from friction_comp.simulation.undeclared import COLUMNS, Undeclared, undeclared_torque, warmed_up
 
+ELEMENTS = 8
+"""Largest number of Maxwell-slip elements."""
+DELAYS = 4
+"""Number of commands that are stored: the largest delay is one sample less."""
+
+RIGID, CLAMP, LUGRE, MAXWELL_SLIP = range(4)
+"""Kinds of joint: one inertia with clamp friction, or one of the friction models of
+a joint with two inertias and a gear."""
+
+Record = Any
+"""A record of one of the types below."""
+
+
+def _record(floats: str, integers: str, arrays: dict[str, int]) -> np.dtype[np.void]:
+    return np.dtype([(name, float) for name in floats.split()]
+                    + [(name, np.int64) for name in integers.split()]
+                    + [(name, float, (size,)) for name, size in arrays.items()], align=True)
+
+
+JOINT = _record(
+    # Rotor and link, kg·m²; the gear's compliance between them, N·m/rad and N·m·s/rad.
+    'motor_inertia link_inertia gear_stiffness gear_damping '
+    # N·m/A; encoder count, rad; A; standard deviation, A.
+    'torque_per_current resolution limit current_noise '
+    # Friction: Eq. 6, with steepness in s/rad, shift in rad/s and viscous in N·m·s/rad; levels at
+    # rest, N·m; Stribeck velocity, rad/s.
+    'upper lower steepness shift viscous floor_positive floor_negative break_positive '
+    'break_negative std_positive std_negative stribeck_velocity '
+    # Presliding, N·m/rad and N·m·s/rad; times in s.
+    'bristle_stiffness bristle_damping level_lag current_lag actuation_lag '
+    # The motor's supply: V·s/rad at the joint, Ω, V; a resistance of 0 means no limit.
+    'back_emf resistance voltage '
+    # The person: N·m/rad, N·m·s/rad, s, s.
+    'human_stiffness human_damping human_response human_integral_time',
+    'kind delay elements',
+    {'thermal': 4, 'share': ELEMENTS, 'distance': ELEMENTS})
+"""Parameters of one joint, all seen at the gear's output. `thermal` is that of
+`undeclared.warmed_up`; `share` (1) and `distance` (rad) are those of the Maxwell-slip elements, of
+which the first `elements` are used."""
+
+FRICTION = ('upper', 'lower', 'viscous', 'floor_positive', 'floor_negative', 'break_positive',
+            'break_negative', 'std_positive', 'std_negative')
+"""The parameters to scale for a joint with more or less friction."""
+
+JOINT_STATE = _record(
+    # Rotor, where encoder and friction act, and link; rad and rad/s.
+    'rotor rotor_speed link link_speed '
+    # Sliding level, and the breakaway levels of the present rest, N·m; time since the joint began
+    # to stick, s; distance slid, rad.
+    'level level_positive level_negative rest slid '
+    # Current, and after the actuation lag, A; the person's torque, and its part that grows while
+    # the joint is short of its target, N·m; degrees Celsius; rad as the encoder counts; 1.
+    'current late_current human integral_torque temperature counted samples',
+    'sliding arrived', {'bristle': ELEMENTS, 'command': DELAYS})
+"""State of one joint; `start_joint` sets it."""
+
+MEASURED = np.dtype([(name, float) for name in (
+    'position', 'velocity', 'current', 'interaction_torque', 'temperature')], align=True)
+"""Measured values of one joint: rad, rad/s, A, N·m, degrees Celsius."""
+
+
+GEARS = {'clamp': CLAMP, 'lugre': LUGRE, 'maxwell_slip': MAXWELL_SLIP}
+GEAR_ENTRIES = {'gear', 'rotor_share', 'gear_resonance', 'gear_damping'}
+SIMULATION_ENTRIES = {
+    'inertia', 'presliding_stiffness', 'presliding_damping', 'stribeck_velocity', 'current_noise',
+    'delay_samples', 'human', 'movement', 'sources'} | GEAR_ENTRIES
+HUMAN_ENTRIES = {'stiffness', 'damping', 'response_time', 'integral_time'}
+
+# Of the breakaway torque, rad.
+DEFAULT_PRESLIDING = 5e-4
+DEFAULT_DAMPING_RATIO = 0.5
+DEFAULT_STRIBECK_VELOCITY = math.radians(3.0)
+
+
+def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None) -> np.void:
+    """Return the parameters of one joint, a record of `JOINT`, from its model.
+
+    They follow from its sigmoid, its breakaway with scatter, and its section `simulation` (see
+    msg_docs/README.md). Raises InputError if an entry is unknown, not a number or out of range.
+    """
+    undeclared = Undeclared() if undeclared is None else undeclared
+    section = model.simulation
+    check_mapping(section, 'simulation', SIMULATION_ENTRIES)
+    p: np.void = np.zeros(1, JOINT)[0]
+    scale = model.drive.torque_per_current
+    p['torque_per_current'] = scale * undeclared.torque_constant_factor
+    p['resolution'] = model.drive.position_resolution or 0.0
+    p['limit'] = model.drive.current_limit
+    p['current_noise'] = _entry(section, 'current_noise', 2e-3, least=0.0)
+    p['delay'] = check_whole_number(
+        section.get('delay_samples', 0), 'simulation.delay_samples', least=0, most=DELAYS - 1)
+    p['actuation_lag'] = undeclared.actuation_lag
+    p['thermal'] = undeclared.thermal
+    typical = _set_friction(p, model)
+    # By default, the breakaway torque accelerates the joint at 10 rad/s².
+    inertia = undeclared.inertia + _entry(section, 'inertia', typical / 10.0, least=1e-9)
+    p['kind'], p['motor_inertia'] = RIGID, inertia
+    stiffness = p['bristle_stiffness'] = _entry(
+        section, 'presliding_stiffness', typical / DEFAULT_PRESLIDING, least=1e-9)
+    p['bristle_damping'] = _entry(
+        section, 'presliding_damping',
+        2.0 * DEFAULT_DAMPING_RATIO * math.sqrt(stiffness * inertia), least=0.0)
+    _set_human(p, section, typical, inertia)
+    if 'gear' in section:
+        _set_gear(p, model, typical / stiffness)
+    elif own := GEAR_ENTRIES & set(section):
+        raise InputError(f'simulation.{min(own)} needs a gear: one of {", ".join(GEARS)}')
+    return p
+
+
+def _set_friction(p: np.void, model: FrictionModel) -> float:
+    """Set Eq. 6 and the levels at rest; return the mean of the breakaway levels, N·m."""
+    sigmoid, scale = model.sigmoid, model.drive.torque_per_current
+    plateaus = np.maximum([sigmoid.upper, -sigmoid.lower], 1e-6) * scale
+    if model.breakaway is None:
+        levels, scatter = plateaus, np.zeros(2)
+    else:
+        both = model.breakaway
+        levels = np.maximum([both.positive_mean, -both.negative_mean], 1e-6) * scale
+        scatter = np.array([both.positive_std, both.negative_std]) * scale
+    for name in ('upper', 'lower', 'viscous'):
+        p[name] = getattr(sigmoid, name) * scale
+    p['steepness'], p['shift'] = sigmoid.steepness, sigmoid.shift
+    p['floor_positive'], p['floor_negative'] = np.minimum(levels, plateaus)
+    p['break_positive'], p['break_negative'] = levels
+    p['std_positive'], p['std_negative'] = scatter
+    p['stribeck_velocity'] = _entry(
+        model.simulation, 'stribeck_velocity', DEFAULT_STRIBECK_VELOCITY, least=1e-9)
+    return float(np.mean(levels))
+
+
+def _set_human(p: np.void, section: dict[str, Any], typical: float, inertia: float) -> None:
+    human = check_mapping(section.get('human') or {}, 'simulation.human', HUMAN_ENTRIES)
+
+    def entry(name: str, default: float) -> float:
+        return _entry(human, name, default, 'simulation.human', least=0.0)
+    # At a lag of 0.1 rad the person pushes with the breakaway torque.
+    p['human_stiffness'] = entry('stiffness', typical / 0.1)
+    p['human_damping'] = entry('damping', 2.0 * math.sqrt(p['human_stiffness'] * inertia))
+    p['human_response'] = entry('response_time', 0.04)
+    # A joint that stops short of its target is pushed twice as hard after this time, s. The note's
+    # peaks hardly depend on it (a quarter of it: 1.5 %), but with half of it, a joint with
+    # compensated sliding friction overshoots the target.
+    p['human_integral_time'] = entry('integral_time', 0.5)
+
+
+def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
+    """Split the inertia into rotor and link with a compliant gear; `presliding` is in rad."""
+    section = model.simulation
+    if section['gear'] not in tuple(GEARS):
+        raise InputError(
+            f'simulation.gear must be one of {", ".join(GEARS)}, not {section["gear"]!r}')
+    inertia = float(p['motor_inertia'])
+    # Most of the inertia at the output is the rotor's; rotor and link resonate at about 40 Hz.
+    share = _entry(section, 'rotor_share', 0.8, least=0.05, most=0.95)
+    resonance = _entry(section, 'gear_resonance', 40.0, least=1.0, most=300.0)
+    damping = _entry(section, 'gear_damping', 0.05, least=0.0, most=1.0)
+    p['kind'] = GEARS[section['gear']]
+    p['motor_inertia'], p['link_inertia'] = share * inertia, (1.0 - share) * inertia
+    reduced = share * (1.0 - share) * inertia
+    p['gear_stiffness'] = reduced * (2.0 * math.pi * resonance) ** 2
+    p['gear_damping'] = 2.0 * damping * math.sqrt(p['gear_stiffness'] * reduced)
+    given = float(p['bristle_damping'])
+    set_presliding(p, presliding, np.ones(ELEMENTS if p['kind'] == MAXWELL_SLIP else 1),
+                   DEFAULT_DAMPING_RATIO)
+    if 'presliding_damping' in section:
+        p['bristle_damping'] = given
+
+
+def set_presliding(p: np.void, distance: float, shares: np.ndarray, damping: float) -> None:
+    """Set the presliding of a gear, in a record of JOINT.
+
+    `distance` in rad is that of the element that slips last, or g_b/σ0 of LuGre; the elements'
+    distances are spaced evenly up to it, `shares` are scaled to a sum of 1. `damping` is relative
+    to the critical damping of the rotor on the elements before they slip.
+    """
+    count = len(shares)
+    shares = np.asarray(shares, dtype=float) / np.sum(shares)
+    distances = distance * np.arange(1, count + 1) / count
+    p['elements'] = count
+    p['share'][:count], p['distance'][:count] = shares, distances
+    level = 0.5 * (p['break_positive'] + p['break_negative'])
+    p['bristle_stiffness'] = level / distance
+    p['bristle_damping'] = 2.0 * damping * math.sqrt(
+        level * float(np.sum(shares / distances)) * p['motor_inertia'])
+
+
+def _entry(section: dict[str, Any], name: str, default: float, where: str = 'simulation',
+           **bounds: float) -> float:
+    return check_number(section.get(name, default), f'{where}.{name}', **bounds)
+
+
+# The motion over a sample.
+
+compiled_kinetic_current = njit(cache=True)(kinetic_current)
+LEAST_LEVEL = 0.05
+"""Smallest friction that undeclared effects may leave, as a share of the declared level."""
+ARRIVED = 0.1
+"""Largest distance from the end of the reference at which a joint has arrived, rad. In the note,
+joints with compensation end at most 0.083 rad short of it, those without it at least 0.18 rad; with
+half of this the person would finish movements under the continuous law, too."""
+SUBSTEPS, _GEARED_SUBSTEPS = 8, 16
+SETTLING, _GEARED_SETTLING = 0.0005, 0.005
+"""Time without slip after which a joint sticks again, s."""
+
+
+@njit(cache=True)
+def uniform(random: np.ndarray) -> float:
+    """Return the next number in (0, 1) of a splitmix64 sequence, shape (1,) uint64."""
+    random[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = random[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    return (float(z >> np.uint64(11)) + 0.5) / 9007199254740992.0
+
+
+@njit(cache=True)
+def normal(random: np.ndarray) -> float:
+    """Return a standard normal number (Box and Muller)."""
+    return math.sqrt(-2.0 * math.log(uniform(random))) * math.cos(2.0 * math.pi * uniform(random))
+
+
+@njit(cache=True)
+def draw_levels(p: Record, s: Record, random: np.ndarray) -> None:
+    """Draw the breakaway levels that are valid until the joint sticks again."""
+    scatter = min(4.0, max(-4.0, normal(random)))
+    s.level_positive = max(0.1 * p.break_positive, p.break_positive + p.std_positive * scatter)
+    scatter = min(4.0, max(-4.0, normal(random)))
+    s.level_negative = max(0.1 * p.break_negative, p.break_negative + p.std_negative * scatter)
+
+
+@njit(cache=True)
+def friction_level(p: Record, s: Record, speed: float, positive: bool) -> float:
+    """Return g in N·m at a speed (rad/s, not negative) for one direction of sliding."""
+    fade = math.exp(-speed / p.stribeck_velocity)
+    if positive:
+        sign, plateau, floor, level = 1.0, p.upper, p.floor_positive, s.level_positive
+    else:
+        sign, plateau, floor, level = -1.0, -p.lower, p.floor_negative, s.level_negative
+    kinetic = sign * compiled_kinetic_current(
+        sign * speed, p.upper, p.lower, p.steepness, p.shift, p.viscous)
+    return max(kinetic, plateau - (plateau - floor) * fade) + (level - floor) * fade
+
+
+@njit(cache=True)
+def follow_reference(p: Record, s: Record, h: float, reaction_weight: float, active: bool,
+                     reference_position: float, reference_velocity: float, position: float,
+                     velocity: float) -> None:
+    """Advance the person's torque `s.human`, N·m, by one substep of h s.
+
+    `reaction_weight` is that of the low pass, `active` whether the person holds the joint.
+    """
+    if not active:
+        s.human = s.integral_torque = 0.0
+        return
+    lag = reference_position - position
+    if reference_velocity != 0.0:
+        s.arrived = 0
+    elif abs(lag) <= ARRIVED:
+        # Remembered, so that the person does not push again if the joint recoils.
+        s.arrived = 1
+    if reference_velocity != 0.0 or s.arrived == 1 or p.human_integral_time <= 0.0:
+        s.integral_torque = 0.0
+    else:
+        s.integral_torque += p.human_stiffness * lag * h / p.human_integral_time
+    wanted = (p.human_stiffness * lag + p.human_damping * (reference_velocity - velocity)
+              + s.integral_torque)
+    s.human += (wanted - s.human) * reaction_weight
+
+
+@njit(cache=True)
+def clamped_friction(p: Record, s: Record, stuck: float, extra: float, speed: float, h: float
+                     ) -> tuple[float, bool]:
+    """Return friction in N·m, and whether the bristle slips; `stuck` is its speed if not.
+
+    `speed` determines the level of friction, to which undeclared effects add `extra` N·m.
+    """
+    force = p.bristle_stiffness * (s.bristle[0] + h * stuck) + p.bristle_damping * stuck
+    base = friction_level(p, s, speed, force > 0.0)
+    level = max(base + extra, LEAST_LEVEL * base)
+    if abs(force) <= level:
+        return force, False
+    return math.copysign(level, force), True
+
+
+@njit(cache=True)
+def move_bristle(p: Record, s: Record, random: np.ndarray, v: float, friction: float, slips: bool,
+                 h: float) -> None:
+    """Advance the bristle by a substep of h s at speed v; draw new levels when the joint sticks."""
+    s.bristle[0] += h * v
+    if not slips:
+        s.rest += h
+        if s.sliding == 1 and s.rest > SETTLING:
+            s.sliding = 0
+            s.slid = 0.0
+            draw_levels(p, s, random)
+        return
+    limit = abs(friction) / p.bristle_stiffness
+    s.bristle[0] = min(limit, max(-limit, s.bristle[0]))
+    s.rest = 0.0
+    s.sliding = 1
+    s.slid += h * abs(v)
+    # Far enough for new breakaway levels.
+    if s.slid > 3.0 * limit:
+        s.slid = 0.0
+        draw_levels(p, s, random)
+
+
+@njit(cache=True)
+def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
+               sample_time: float, command: float, reference_position: float,
+               reference_velocity: float, active: bool) -> None:
+    """Simulate the joint over one sample; parameters as for `joint_sample`."""
+    h = sample_time / SUBSTEPS
+    # The current follows its command at once; an undeclared lag acts between current and torque.
+    s.current = command
+    follow = low_pass_weight(h, p.actuation_lag)
+    reaction_weight = low_pass_weight(h, p.human_response)
+    start = s.samples * sample_time
+    sigma0, sigma1, over_inertia = p.bristle_stiffness, p.bristle_damping, h / p.motor_inertia
+    implicit = 1.0 / (1.0 + over_inertia * (sigma1 + h * sigma0))
+    for k in range(SUBSTEPS):
+        s.late_current += (command - s.late_current) * follow
+        x, v = s.rotor, s.rotor_speed
+        follow_reference(p, s, h, reaction_weight, active,
+                         reference_position + reference_velocity * k * h, reference_velocity, x, v)
+        torque = p.torque_per_current * s.late_current + s.human
+        # Speed without slip, by an implicit step; its direction determines the level.
+        stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit
+        extra = 0.0
+        if table.shape[0] > 0 and table[0, 0] >= 0.0:
+            base = friction_level(p, s, abs(v), sigma0 * s.bristle[0] + sigma1 * stuck > 0.0)
+            load, extra = undeclared_torque(table, memory, start + k * h, x, v, s.human,
+                                            s.temperature, s.rest, base)
+            torque += load
+            stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit
+        friction, slips = clamped_friction(p, s, stuck, extra, abs(v), h)
+        v = v + over_inertia * (torque - friction) if slips else stuck
+        move_bristle(p, s, random, v, friction, slips, h)
+        s.rotor_speed = s.link_speed = v
+        s.rotor = s.link = x + h * v
+
+
+@njit(cache=True)
+def _lugre_force(p: Record, s: Record, v: float, level: float, h: float) -> float:
+    """Advance the LuGre bristle (exact for constant speed) and return its torque in N·m."""
+    limit = level / p.bristle_stiffness
+    steady = limit if v > 0.0 else -limit
+    before = s.bristle[0]
+    share = -math.expm1(-abs(v) * h / limit)
+    s.bristle[0] += (steady - before) * share
+    rate = (s.bristle[0] - before) / h
+    damping = p.bristle_damping * math.exp(-(v / p.stribeck_velocity) ** 2)
+    s.sliding = 1 if abs(s.bristle[0]) > 0.98 * limit and s.bristle[0] * v > 0.0 else 0
+    return p.bristle_stiffness * s.bristle[0] + damping * rate
+
+
+@njit(cache=True)
+def _maxwell_force(p: Record, s: Record, v: float, level: float, h: float) -> float:
+    """Advance the Maxwell-slip elements and return their torque in N·m."""
+    total, slipping = 0.0, 0
+    for j in range(p.elements):
+        stiffness = p.share[j] * 0.5 * (p.break_positive + p.break_negative) / p.distance[j]
+        damping = p.bristle_damping * p.share[j]
+        most = p.share[j] * level
+        s.bristle[j] += v * h
+        force = stiffness * s.bristle[j] + damping * v
+        if abs(force) > most:
+            force = math.copysign(most, force)
+            reach = most / stiffness
+            s.bristle[j] = min(reach, max(-reach, s.bristle[j]))
+            slipping += 1
+        total += force
+    s.sliding = 1 if slipping == p.elements else 0
+    return total
+
+
+@njit(cache=True)
+def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
+                sample_time: float, command: float, reference_position: float,
+                reference_velocity: float, active: bool) -> None:
+    """Simulate the joint over one sample; the person holds the link, see `joint_sample`."""
+    h = sample_time / _GEARED_SUBSTEPS
+    amplify = low_pass_weight(h, p.current_lag)
+    follow = low_pass_weight(h, p.actuation_lag)
+    adapt = low_pass_weight(h, p.level_lag)
+    reaction_weight = low_pass_weight(h, p.human_response)
+    start = s.samples * sample_time
+    for k in range(_GEARED_SUBSTEPS):
+        v = s.rotor_speed
+        wanted = command
+        if p.resistance > 0.0:
+            highest = (p.voltage - p.back_emf * v) / p.resistance
+            lowest = (-p.voltage - p.back_emf * v) / p.resistance
+            wanted = min(highest, max(lowest, command))
+        s.current += (wanted - s.current) * amplify
+        s.late_current += (s.current - s.late_current) * follow
+        follow_reference(p, s, h, reaction_weight, active,
+                         reference_position + reference_velocity * k * h, reference_velocity,
+                         s.link, s.link_speed)
+        # The level depends on the direction in which the joint slides or would slide.
+        direction = v if v != 0.0 else s.late_current
+        level, load = friction_level(p, s, abs(v), direction > 0.0), 0.0
+        if table.shape[0] > 0 and table[0, 0] >= 0.0:
+            load, extra = undeclared_torque(table, memory, start + k * h, s.rotor, v, s.human,
+                                            s.temperature, s.rest, level)
+            level = max(level + extra, LEAST_LEVEL * level)
+        s.level += (level - s.level) * adapt
+        if p.kind == LUGRE:
+            friction = _lugre_force(p, s, v, s.level, h)
+        else:
+            friction = _maxwell_force(p, s, v, s.level, h)
+        spring = p.gear_stiffness * (s.rotor - s.link) + p.gear_damping * (v - s.link_speed)
+        s.rotor_speed += h * (
+            p.torque_per_current * s.late_current + load - friction - spring) / p.motor_inertia
+        s.link_speed += h * (spring + s.human) / p.link_inertia
+        s.rotor += h * s.rotor_speed
+        s.link += h * s.link_speed
+        if s.sliding > 0:
+            s.rest = 0.0
+        else:
+            before = s.rest
+            s.rest += h
+            if before <= _GEARED_SETTLING < s.rest:
+                draw_levels(p, s, random)
+
+
+# Samples, and joints that are stepped.
 
 @njit(cache=True)
 def start_joint(p: Record, s: Record, random: np.ndarray) -> None:
@@ -59,8 +517,6 @@ def measure(p: Record, s: Record, random: np.ndarray, sample_time: float, out: R
     if p.current_noise > 0.0:
         out.current += p.current_noise * normal(random)
     out.interaction_torque = s.human
-    if p.torque_noise > 0.0:
-        out.interaction_torque += p.torque_noise * normal(random)
     out.temperature = s.temperature
 
 

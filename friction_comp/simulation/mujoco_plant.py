@@ -3,7 +3,7 @@
 """An arm whose links MuJoCo simulates, with the drives, sensors and person of `Plant`.
 
 In each substep MuJoCo receives the sum of motor, person's and friction torque of each joint;
-friction is that of `joint_motion`.
+friction is that of `joint`.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.simulation.joint import delayed_command, end_sample, Plant
-from friction_comp.simulation.joint_motion import (
+from friction_comp.simulation.joint import (
     clamped_friction,
+    delayed_command,
+    end_sample,
     follow_reference,
     friction_level,
     move_bristle,
+    Plant,
+    RIGID,
     SUBSTEPS,
 )
-from friction_comp.simulation.joint_parameters import RIGID
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque
 
 
@@ -140,7 +142,7 @@ def _torques(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, ta
     """Write the torques of motors, persons and friction at the beginning of a substep, N·m.
 
     `bias` is each joint's torque due to weight and velocities, `inertia` its entry on the diagonal
-    of the arm's: with both, the bristle is integrated implicitly as in `joint_motion`.
+    of the arm's: with both, the bristle is integrated implicitly as in `joint`.
     """
     h = sample_time / SUBSTEPS
     for j in range(parameters.shape[0]):

@@ -24,8 +24,14 @@ from friction_comp.identification.supervised_run import (
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
-from friction_comp.simulation.joint import joint_sample, random_states, start_joint
-from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE, MEASURED
+from friction_comp.simulation.joint import (
+    joint_parameters,
+    joint_sample,
+    JOINT_STATE,
+    MEASURED,
+    random_states,
+    start_joint,
+)
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque, warmed_up
 from simulated_recordings.cases import CASES
 from simulated_recordings.motion import mixed_motion, smooth_noise

@@ -31,11 +31,11 @@ from friction_comp.drive import Drive
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.simulation.batch import closed_loops
-from friction_comp.simulation.joint import random_states
-from friction_comp.simulation.joint_parameters import (
+from friction_comp.simulation.joint import (
     ELEMENTS,
     GEARS,
     joint_parameters,
+    random_states,
     set_presliding,
 )
 
