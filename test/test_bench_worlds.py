@@ -4,7 +4,6 @@
 
 import ast
 from dataclasses import replace
-import importlib
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +28,7 @@ from world.gear import (
     steady_friction,
 )
 from world.joint import carried, Joint, new_state, resistance
-from world.person import draw_persons, drivers, FIRM, nobody
+from world.person import drivers, nobody
 
 EVEN = 0
 
@@ -130,23 +129,6 @@ def test_presliding_loops_close_and_hold_the_joint():
     assert np.all(np.abs(end[1] - end[0]) < 0.05 * swing)
     # and none has slid
     assert np.all(np.abs(x[-1]) < gears['presliding'] + gears['link_bristle'])
-
-
-@pytest.mark.parametrize('name', ['gear', 'mujoco_gear'])
-def test_a_joint_rests_until_a_person_who_holds_it_begins(name):
-    """Else persons would pull joints, and let go of those that they are to push, before time."""
-    if name == 'mujoco_gear':
-        pytest.importorskip('mujoco', reason='MuJoCo is not in this environment')
-    other = importlib.import_module(f'world.{name}')
-    gears = np.concatenate([other.draw_gears(kind, 1, EVEN) for kind in other.KINDS])
-    persons = draw_persons([FIRM] * len(gears), gears['static'], EVEN)
-    persons['push_travel'] = 0.03
-    persons['push'][::2], persons['start'] = 1.0, 5.0
-    plant = other.Plant(gears, persons, EVEN)
-    begin = plant.states['link'].copy()
-    push(plant, lambda time: np.zeros(len(gears)), 0.3)
-    assert np.all(np.abs(plant.states['link'] - begin) < 2e-3)
-    assert not plant.states['let_go'].any()
 
 
 @pytest.mark.slow

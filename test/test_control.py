@@ -42,6 +42,15 @@ def test_a_driver_whose_clock_is_behind_does_not_keep_a_direction_alive(behind, 
     assert direction.at(first + SECOND // 10).tolist() == [0.0, 1.0]
 
 
+def test_a_stamped_direction_has_the_planners_age():
+    direction, now = Direction(['elbow'], 60.0), 1000 * SECOND
+    for age, value, held in (
+            (0, 1.0, 1.0), (59, -1.0, 1.0),     # overtaken
+            (-600, -1.0, 0.0)):                 # nobody knows how old it is
+        direction.take_stamped(['elbow'], [value], now - age * SECOND, now)
+        assert direction.at(now).tolist() == [held]
+
+
 def test_a_temperature_counts_for_a_minute_whatever_was_asked_before():
     held = MotorTemperature(['a', 'b'])
     assert held.before(9 * SECOND) is None

@@ -1,8 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The search among effects: what it names, their constants, and fits by sums over blocks."""
+"""The search among effects, their constants and sums over blocks; intervals, and delays."""
 
 from dataclasses import replace
+import math
 
 from helpers import swings
 from hypothesis import given, strategies as st
@@ -11,11 +12,15 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.refinement import refine
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.intervals import intervals
 from friction_comp.refinement.prepare import prepare
 from friction_comp.refinement.search import adjust_constants, Fit, Search
+from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}
 RAW = {'method': 'zero-phase Butterworth', 'source': 'velocity', 'bandwidth': None}
@@ -111,3 +116,128 @@ def test_columns_of_zeros_explain_nothing_and_do_no_harm(broken):
     sums = BlockSums.over(np.vstack((x, np.full(200, broken), 2.0 * x)), np.repeat([0, 1], 100))
     assert sums.fit((0, 1)) @ (1.0, broken) == pytest.approx(2.0, abs=1e-5)
     assert sums.fit((0,)) == pytest.approx([2.0], abs=1e-5)
+
+
+# Stated intervals hold the truth where current, encoder or motion tell less than they seem to.
+
+TRUTH = {'coulomb': 0.6, 'viscous': 0.2, 'inertia': 0.06, 'offset': 0.03}
+WEIGHT, STEP, INNER, LOGGED, NOISE = 0.5, 1e-3, 5, 5, 0.02
+
+
+def reference(time, seed):
+    """Return positions and velocities of minimum-jerk moves with short rests."""
+    rng = np.random.default_rng(seed)
+    q, v, start, place = np.zeros_like(time), np.zeros_like(time), 0.0, 0.0
+    while start < time[-1]:
+        change = rng.uniform(-1.2, 1.2) - place
+        length = abs(change) / rng.uniform(0.4, 1.5) + 0.2
+        s = np.clip((time - start) / length, 0.0, 1.0)
+        q += change * (10 * s ** 3 - 15 * s ** 4 + 6 * s ** 5)
+        v += change / length * 30 * s ** 2 * (1 - s) ** 2
+        place, start = place + change, start + length + rng.uniform(0.1, 0.5)
+    return q, v
+
+
+def one_sine(time, seed):
+    size, rate = 0.5, 2 * math.pi * (0.7 + 0.1 * seed)
+    return size * np.sin(rate * time), size * rate * np.cos(rate * time)
+
+
+def recorded(seed, seconds=20.0, motion=reference, count=5e-5, slow=0.0):
+    """Return a joint under a PD controller that sees the encoder; a filter may slow its torque."""
+    time = np.arange(0.0, seconds, STEP)
+    wanted, speed = motion(time, seed)
+    gain = (2 * math.pi * 6.0) ** 2 * TRUTH['inertia']
+    damping = 2 * 2 * math.pi * 6.0 * TRUTH['inertia']
+    q, v, seen, rate, drop = wanted[0], 0.0, wanted[0], 0.0, TRUTH['coulomb'] * STEP / INNER
+    positions, torques = np.empty_like(time), np.empty_like(time)
+    for k in range(len(time)):
+        before, seen = seen, round(q / count) * count
+        rate += 0.1 * ((seen - before) / STEP - rate)
+        torque = gain * (wanted[k] - seen) + damping * (speed[k] - rate)
+        positions[k], torques[k] = seen, torque
+        for _ in range(INNER):
+            drive = torque - TRUTH['viscous'] * v - WEIGHT * math.sin(q) - TRUTH['offset']
+            pushed = TRUTH['inertia'] * v + drive * STEP / INNER
+            v = math.copysign(max(abs(pushed) - drop, 0.0), pushed) / TRUTH['inertia']
+            q += v * STEP / INNER
+    for k in range(1, len(torques) if slow else 1):
+        torques[k] = torques[k - 1] + (1.0 - math.exp(-STEP / slow)) * (torques[k] - torques[k - 1])
+    noise = 0.015 * np.random.default_rng([seed, 1]).standard_normal(len(torques[::LOGGED]))
+    return Samples(time=time[::LOGGED], position=positions[::LOGGED],
+                   current=torques[::LOGGED] + noise)
+
+
+@pytest.mark.parametrize(('seed', 'changes', 'widths'), [
+    (1, {}, {'inertia': (0.0, 0.05), 'viscous': (0.0, 0.08)}),
+    # The drive filters its current.
+    (1, {'slow': 0.006}, {'inertia': (0.0, 0.3)}), (3, {'slow': 0.012}, {'inertia': (0.0, 0.3)}),
+    # One sine does not tell inertia from weight.
+    (1, {'seconds': 3.0, 'motion': one_sine}, {'inertia': (0.1, np.inf)}),
+    (3, {'seconds': 3.0, 'motion': one_sine}, {'inertia': (0.1, np.inf)}),
+    # The controller responds to encoder steps.
+    (1, {'count': math.radians(0.2)}, {})])
+def test_intervals_hold_the_truth_and_are_as_wide_as_the_doubt(seed, changes, widths):
+    friction = refine([recorded(seed, **changes)]).report.friction
+    for name in ('coulomb', 'viscous', 'inertia'):
+        low, high = friction.intervals[name]
+        assert low <= TRUTH[name] <= high, name
+        least, most = widths.get(name, (0.0, np.inf))
+        assert least <= (high - low) / TRUTH[name] < most, name
+    assert 0.5 < friction.inertia / TRUTH['inertia'] < 2.0 or 'motion' in changes
+
+
+def turning(seed, step, duration):
+    return swings(seed, duration, step, np.geomspace(0.15, 2.0, 7), size=0.35, coulomb=0.8,
+                  viscous=0.3, inertia=0.05, width=0.1, noise=0.0)
+
+
+def late(seed, delay):
+    """Return a joint whose torque follows the current late, s, every 4 ms."""
+    samples = turning(seed, 1e-3, 24.0)
+    samples = samples.with_(
+        velocity=None, acceleration=None,
+        current=np.interp(samples.time + delay, samples.time, samples.current))
+    samples = samples.take(slice(None, None, 4))
+    return samples.with_(current=samples.current + NOISE * np.random.default_rng(
+        seed).standard_normal(len(samples)))
+
+
+@pytest.mark.parametrize('delay', [0.03, 0.04, -0.03, -0.04, 0.0])
+def test_a_delay_of_the_torque_is_found_and_one_of_the_sensor_is_no_effect(delay, tmp_path):
+    samples = late(2, delay)
+    result = refine([samples], drive=Drive(0.1, 100.0))
+    assert result.report.differentiation.get('lag', 0.0) == pytest.approx(delay, abs=0.003)
+    found = {effect.name for effect in result.report.effects}
+    assert 'inertia' in found
+    assert ('actuation_lag' in found) == (delay > 0.0)
+    friction = result.report.friction
+    for name, truth, near in (('coulomb', 0.8, 0.01), ('inertia', 0.05, 0.05)):
+        if abs(delay) > 0.03:
+            low, high = friction.intervals[name]
+            assert low <= truth <= high, name
+        else:
+            assert getattr(friction, name) == pytest.approx(truth, rel=near), name
+    # The file says it, too: it predicts as the report states.
+    result.model.save(tmp_path / 'model.yaml')
+    error = samples.current - FrictionModel.load(tmp_path / 'model.yaml').predict(samples)
+    assert rms(error[result.usable]) == pytest.approx(result.report.after.fit_rmse, rel=1e-6)
+    assert result.report.after.held_out_rmse < 1.7 * NOISE
+
+
+def test_noise_of_a_torque_sensor_does_not_change_what_the_load_does():
+    # As recorded, noise of 1 N·m makes it -0.18 A/(N·m), and an inertia takes the rest.
+    rng, samples = np.random.default_rng(2), turning(2, 0.004, 40.0)
+    load = -0.1 * samples.acceleration
+    for frequency in rng.uniform(0.1, 3.0, 6):
+        load += 0.5 * np.sin(2 * np.pi * frequency * samples.time + rng.uniform(0.0, 6.28))
+    noise = rng.standard_normal((2, len(samples)))
+    result = refine([samples.with_(
+        velocity=None, acceleration=None, load=load + noise[0], current=(
+            samples.current - 0.05 * samples.acceleration - 0.30 * load + 0.05 * noise[1]))],
+        drive=Drive(1.0, 1.0 / 0.3))
+    found = {effect.name: effect for effect in result.report.effects}
+    coefficient, = found['load_torque'].parameters['coefficients']
+    assert coefficient == pytest.approx(-0.30, abs=0.012)
+    # The model says how its load is prepared, so that it predicts another recording as well.
+    assert 'load' in result.report.differentiation['signals']

@@ -170,24 +170,6 @@ def test_the_current_limit_holds_and_a_weight_beyond_it_is_told(driver, tmp_path
     assert settled(driver)[0] > 0.05
 
 
-def test_a_stamped_direction_has_the_planners_age(driver):
-    planner = driver.probe.talk(JointState, 'direction_stamped')
-    driver.probe.matched(planner)
-
-    def say(age, *velocity):
-        now = time.time_ns()
-        planner.publish(joint_state(now - round(age * 1e9), JOINTS, ZERO, velocity))
-        return now
-
-    def turned():
-        return np.sign(driver.ask(ZERO, ZERO, say(0.0, 3.0, -2.0))).tolist() == [1.0, -1.0]
-    driver.probe.until(turned, 'the direction')
-    # Older than what is known: it was overtaken.
-    assert np.sign(driver.ask(ZERO, ZERO, say(59.0, -1.0, -1.0))).tolist() == [1.0, -1.0]
-    command = driver.ask(ZERO, ZERO, say(-600.0, 1.0, 1.0))
-    assert np.abs(command).max() < 0.01, 'nobody knows how old it is'
-
-
 def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
     probe = driver.probe
 

@@ -52,7 +52,7 @@ def variables(report):
     return [effect.variable for effect in report.effects]
 
 
-# Lags are found in test_intervals.py, and inertia in test_friction_numbers.py.
+# Lags are found in test_effect_search.py, and inertia in test_friction_numbers.py.
 @pytest.mark.parametrize('case', [
     case for case in CASES if case not in ('actuation_lag', 'inertia')])
 def test_the_undeclared_effect_is_named_and_removed(case):
