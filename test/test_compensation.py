@@ -6,7 +6,7 @@ from dataclasses import replace
 import math
 
 from effect_maker import parameters_of
-from helpers import note_model, ROOT
+from helpers import drive_along, note_model, ROOT
 from hypothesis import given, Phase, settings, strategies as st
 import numpy as np
 import pytest
@@ -38,12 +38,6 @@ from simulated_recordings.closed_loop import closed_loop
 from simulated_recordings.random_gears import LEVEL, small_model
 
 
-def hold(law, direction, seconds=1.5, start=0.0):
-    """Leave a law with a joint that does not move and return all its currents."""
-    times = start + np.arange(round(seconds * 1000)) * 1e-3
-    return np.array([law.update(t, [0.0], [0.0], [direction])[0] for t in times])
-
-
 def test_printed_law_equals_its_equations():
     """At standstill 0.9 of i_b in the direction d, in motion Eq. 6 alone, whatever d."""
     model = note_model(2)
@@ -53,20 +47,6 @@ def test_printed_law_equals_its_equations():
         for speed in (-0.5, -0.02, 0.02, 0.5):
             current = law.update(0.0, [0.0], [speed], [d])[0]
             assert current == pytest.approx(float(model.sigmoid(speed)))
-
-
-@pytest.mark.parametrize('d', [-1, 1])
-def test_continuous_law_rises_holds_and_falls_without_a_jump(d):
-    """The level comes and goes smoothly and stays below the gain's share."""
-    law = CompensationLaw([note_model()])
-    rest, up = hold(law, 0), hold(law, d, start=1.5)
-    down = hold(law, 0, start=3.0)
-    assert not rest.any()
-    assert up[-1] * d == pytest.approx(0.9 * 0.0995)
-    assert np.abs(up).max() <= 0.9 * 0.0995 + 1e-12
-    assert down[-1] == 0.0
-    everything = np.concatenate((rest, up, down))
-    assert np.abs(np.diff(everything)).max() < 0.05 * 0.0995
 
 
 def test_continuous_law_never_jumps_while_the_joint_is_moved():
@@ -105,7 +85,7 @@ def test_faults_give_zero_current(law):
         assert (current[1] > 0.05) if law == 'continuous' else (current[1] == 0.0)
     odd = CompensationLaw([model], law=law)
     for d in (2, -3, 0.5, math.nan):
-        assert not hold(odd, d, 0.5).any()
+        assert not drive_along(odd, np.zeros(500), d, velocity=0.0).any()
 
 
 def test_limit_and_terms():
@@ -114,23 +94,10 @@ def test_limit_and_terms():
     law = CompensationLaw([model], law='paper', current_limit=0.1)
     assert law.update(0.0, [0.0], [0.0], [1])[0] == 0.1
     free = CompensationLaw([model])
-    for k in range(700):
-        current = free.update(k * 1e-3, [2e-7 * k * k], [4e-4 * k], [1])
+    time = 1e-3 * np.arange(700)
+    current = drive_along(free, 0.2 * time ** 2)
     total = sum(free.terms[name][0] for name in ('friction', 'effects'))
-    assert current[0] == pytest.approx(total)
-
-
-def test_a_new_model_comes_in_without_a_jump():
-    """The current goes to that of the new model within its slope."""
-    law, other = CompensationLaw([note_model(1)]), note_model(2)
-    currents = []
-    for k in range(1000):
-        if k == 400:
-            law.set_model(0, other)
-        currents.append(law.update(k * 1e-3, [0.5e-3 * k], [0.5], [0])[0])
-    # From full friction one way to full friction the other takes 20 ms.
-    assert np.abs(np.diff(currents[350:])).max() < 0.11 * other.sigmoid.upper
-    assert currents[-1] == pytest.approx((SHARE - LATE) * float(other.sigmoid(0.5)), rel=0.01)
+    assert current[-1] == pytest.approx(total)
 
 
 def test_an_effect_without_its_signal_is_left_out_until_the_signal_comes():
@@ -178,18 +145,23 @@ def test_arguments_are_checked():
         CompensationLaw([model]).update(0.0, [0.0], [0.0], [0], temperature=[20.0, 30.0])
 
 
-@pytest.mark.parametrize('last', ['none', 'kinetic', 'paper', 'continuous'])
+@pytest.mark.parametrize('last', ['none', 'kinetic', 'paper', 'continuous', 'another model'])
 @pytest.mark.parametrize('first', ['none', 'kinetic', 'paper', 'continuous'])
-def test_retuning_from_any_law_to_any_other_does_not_jump(first, last):
-    law, currents = CompensationLaw([note_model(2)], law=first), []
-    for k in range(900):
-        if k == 300:
-            law.retune(last, 0.9)
-        currents.append(law.update(k * 1e-3, [0.5e-3 * k], [0.5], [1])[0])
-    full = note_model(2).sigmoid.upper
-    assert np.abs(np.diff(currents[295:])).max() < 0.11 * full
+def test_a_change_to_any_law_or_model_does_not_jump(first, last):
+    new = note_model(2)
+    law = CompensationLaw([note_model(1) if last == 'another model' else new], law=first)
+    before = drive_along(law, 0.5e-3 * np.arange(300), velocity=0.5)
+    if last == 'another model':
+        law.set_model(0, new)
+    else:
+        law.retune(last, 0.9)
+    after = drive_along(law, 0.5e-3 * np.arange(300, 900), velocity=0.5, begin=300)
+    full = new.sigmoid.upper
+    assert np.abs(np.diff([*before[-5:], *after])).max() < 0.11 * full
     if last == 'none':
-        assert currents[-1] == pytest.approx(0.0, abs=1e-4 * full)
+        assert after[-1] == pytest.approx(0.0, abs=1e-4 * full)
+    if (first, last) == ('continuous', 'another model'):
+        assert after[-1] == pytest.approx((SHARE - LATE) * float(new.sigmoid(0.5)), rel=0.01)
 
 
 CONSTANTS = {'stribeck': {'velocity': 0.02, 'exponent': 1.0, 'transition': 1e-3},
@@ -215,25 +187,22 @@ def test_sliding_and_resting_current_are_what_the_model_predicts(name, held):
     model = replace(base, sigmoid=sigmoid, effects=[effect], breakaway=replace(
         base.breakaway, positive_position=None, negative_position=None))
     for side in (1.0, -1.0):
-        law = CompensationLaw([model])
-        for k in range(1500):
-            current = law.update(1e-3 * k, [side * 0.5e-3 * k], [side * 0.5], [side])[0]
         time = 1e-3 * np.arange(1500)
         samples = Samples(time=time, position=side * 0.5 * time, current=np.zeros(1500),
                           velocity=np.full(1500, side * 0.5))
-        assert current == pytest.approx(
-            (SHARE - LATE) * model.predict(samples)[-1], rel=0.02)
-        at_rest = hold(CompensationLaw([model]), side)[-1]
-        assert at_rest == pytest.approx(side * 0.9 * 0.1377, rel=0.02)
+        current = drive_along(CompensationLaw([model]), samples.position, side,
+                              velocity=side * 0.5)[-1]
+        assert current == pytest.approx((SHARE - LATE) * model.predict(samples)[-1], rel=0.02)
+        still = drive_along(CompensationLaw([model]), np.zeros(1500), side, velocity=0.0)[-1]
+        assert still == pytest.approx(side * 0.9 * 0.1377, rel=0.02)
 
 
 def scaled(model, factor):
-    sigmoid, breakaway = model.sigmoid, model.breakaway
+    sigmoid = model.sigmoid
     return replace(
         model, sigmoid=replace(sigmoid, upper=factor * sigmoid.upper, viscous=(
             factor * sigmoid.viscous), lower=factor * sigmoid.lower),
-        breakaway=replace(breakaway, positive_mean=factor * breakaway.positive_mean,
-                          negative_mean=factor * breakaway.negative_mean))
+        breakaway=model.breakaway.times(factor))
 
 
 def test_a_model_that_gives_the_motor_less_is_told_with_both_figures():

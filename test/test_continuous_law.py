@@ -324,8 +324,7 @@ def test_announced_at_rest_the_current_is_the_gain_times_breakaway(gain, directi
     """So that who starts with a small gain, and raises it, is given little at first."""
     for factor in (0.8, 1.0, 1.3):
         base = small_model()
-        model = replace(base, breakaway=replace(
-            base.breakaway, positive_mean=factor * LEVEL, negative_mean=-factor * LEVEL))
+        model = replace(base, breakaway=base.breakaway.times(factor))
         current = drive_along(CompensationLaw([model], breakaway_gain=gain), np.zeros(900),
                               direction)
         assert np.abs(current).max() <= gain * factor * LEVEL + 1e-12

@@ -23,7 +23,7 @@ from friction_comp.identification.goal import (
 )
 from friction_comp.identification.run import IdentificationRun, TrajectoryRun
 from friction_comp.identification.supervised_run import Supervision
-from friction_comp.model.friction_model import Breakaway, FrictionModel
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
@@ -121,12 +121,10 @@ def test_a_weight_that_is_held_with_another_unit_or_sign_ends_the_run(factor):
 
 def with_friction(model, factor):
     """Return a model with its friction, and what the joint's motion takes, times a factor."""
-    c, both = model.sigmoid.coefficients(), model.breakaway
+    c = model.sigmoid.coefficients()
     return replace(
-        model, sigmoid=Sigmoid.from_coefficients(
+        model, breakaway=model.breakaway.times(factor), sigmoid=Sigmoid.from_coefficients(
             (c[0] * factor, c[1], c[2] * factor, *c[3:5], c[5] * factor)),
-        breakaway=Breakaway(*(factor * value for value in (
-            both.positive_mean, both.negative_mean, both.positive_std, both.negative_std))),
         simulation={**model.simulation, **{name: model.simulation[name] * factor for name in (
             'inertia', 'presliding_stiffness', 'presliding_damping')}})
 

@@ -136,21 +136,6 @@ def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path,
 
 
 @pytest.mark.slow
-def test_a_load_takes_the_current_that_it_takes_where_the_drive_is_unknown(tmp_path):
-    """Of a table of current and load, without k_t and n: no coefficient is assumed."""
-    samples = swings(3)
-    load = 5.0 * np.sin(0.37 * samples.time) + 2.0 * np.sin(1.1 * samples.time)
-    report = report_on(write(
-        tmp_path / 'run.csv', time=samples.time, position=samples.position,
-        velocity=samples.velocity, current=samples.current - 0.1 * load, load=load),
-        tmp_path / 'out')
-    assert report['unit'] == 'A'
-    assert report['after']['held_out_rmse'] < 0.025
-    effect, = report['effects']
-    assert effect['parameters']['coefficients'] == pytest.approx([-0.1], rel=0.05)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize('noise', [0.0, 1e-3])
 def test_a_person_who_guides_a_motor_that_is_off_shows_friction_but_no_limit(
         tmp_path, capsys, noise):

@@ -249,12 +249,14 @@ def test_a_load_of_the_other_sign_does_not_double_the_weight():
 
 
 @pytest.mark.parametrize('share', [0.1, 0.3])
-def test_the_load_that_the_motor_carries_is_fitted_however_small_its_coefficient(share):
-    """Gears, or a sensor's filter, may leave a fraction of -1/(k_t·n) of it."""
+@pytest.mark.parametrize('drive', [DRIVE, None])
+def test_the_load_that_the_motor_carries_is_fitted_however_small_its_coefficient(share, drive):
+    """Gears, or a sensor's filter, may leave a fraction of -1/(k_t·n) of it; or none is known."""
     motion = swings(3)
     load = unrelated(motion, 3, 0.25)
-    effect, = (one for one in refined(motion, motion.current - share * load, load=load)
-               .report.effects if one.name == 'load_torque')
+    report = refine([plain(motion, current=motion.current - share * load, load=load)],
+                    drive=drive).report
+    effect, = (one for one in report.effects if one.name == 'load_torque')
     assert effect.parameters['coefficients'][0] == pytest.approx(-share, rel=0.1)
 
 
