@@ -5,9 +5,9 @@
     python3 docs/generate.py                          writes all of them anew
     python3 docs/generate.py demo friction_comp_demo/report.json
 
-The second form stores the few figures that pages quote in docs/figures/, and draws the pictures
-beside them; so does each of KINDS, of which the stored figures name the `command`. A part stands
-between ``<!-- NAME -->`` and ``<!-- end -->``; a test compares pages with what would be written.
+The second form stores the few figures that pages quote in docs/figures/, with the `command`, as do
+all of STORES. A part stands between ``<!-- NAME -->`` and ``<!-- end -->``; a test compares pages
+with what would be written.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pathlib import Path
 import re
 import sys
 import tokenize
-from typing import Any, NamedTuple
+from typing import Any
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -297,57 +297,10 @@ def first() -> str:
 # Of the simulated joint in examples/log.csv.
 TRUTH = {'coulomb': 1.898, 'viscous': 1.841, 'inertia': 0.101}
 
-# The note, as printed: Eq. 11 row by row, and which row belongs to which configuration.
-NOTE_ROWS = ((0.1101, 1.2456, 0.1359, 1.1671, 1.4959, 0.0008),
-             (0.8896, 3.0735, 0.3082, 2.4381, 0.8727, 0.0032),
-             (0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027))
-SWAPPED = (0, 2, 1)
-
-
-def note_plateaus() -> str:
-    """Return the plateaus of Eq. 11 beside the breakaway currents of the note."""
-    from friction_comp.note.experiments import EXPERIMENTS
-
-    plateau = [row[0] / row[3] for row in NOTE_ROWS]
-    return rows(['', 'plateau as printed, A', 'swapped, A', 'breakaway, A'], [
-        [f'configuration {k + 1}', f'{plateau[k]:.3f}', f'{plateau[SWAPPED[k]]:.3f}',
-         f'{EXPERIMENTS[k].breakaway:.3f}'] for k in (1, 2)])
-
-
-def note_peaks() -> str:
-    """Return the peaks that the note measured, beside breakaway."""
-    from friction_comp.note.experiments import EXPERIMENTS
-
-    found = []
-    for one in EXPERIMENTS:
-        drive = one.model().drive
-        torque = drive.torque_constant * drive.gear_ratio * one.breakaway
-        found.append([f'configuration {one.number}', f'{torque:.2f}', f'{one.peak_kinetic:.2f}',
-                      f'{one.peak_kinetic / torque:.2f}'])
-    return rows(['', 'breakaway torque, N·m', 'peak with d = 0, N·m', 'share'], found)
-
-
-def note_rest() -> str:
-    """Return what the printed law commands at rest."""
-    from friction_comp.note.experiments import EXPERIMENTS
-
-    found = []
-    for k, one in enumerate(EXPERIMENTS):
-        c = NOTE_ROWS[SWAPPED[k]]
-        rest = (c[0] - c[2]) / (c[3] + c[4])
-        found.append([f'configuration {k + 1}' + ' (rows swapped)' * bool(k),
-                      f'{1e3 * rest:.1f}'.replace('-', '\u2212'),
-                      *(f'{(sign * rest + 0.9 * one.breakaway) / one.breakaway:.2f}'
-                        for sign in (1, -1))])
-    return rows(['', 'Eq. 6 at rest, mA', 'with d = 1', 'with d = \u22121'], found)
-
-
 PARTS: dict[str, Callable[[], str]] = {
     'options': options, 'report fields': report_fields, 'findings': findings, 'effects': effects,
     'claims': claims, 'said': said, 'first': first, 'well': well, 'demo': demo,
-    'reproduce': reproduce, 'laws': laws, 'conditions': conditions, 'ablation': ablation,
-    'note plateaus': note_plateaus,
-    'note peaks': note_peaks, 'note rest': note_rest}
+    'reproduce': reproduce, 'laws': laws, 'conditions': conditions, 'ablation': ablation}
 
 
 def written(text: str) -> str:
@@ -362,91 +315,50 @@ def pages() -> list[Path]:
             if PART.search(path.read_text(encoding='utf-8'))]
 
 
-# What is stored of a command's report, and the picture that is drawn of its recordings.
-
-class Kind(NamedTuple):
-    """How a command's report.json becomes the stored figures, and a picture with its words."""
-
-    numbers: Callable[[dict[str, Any]], dict[str, Any]]
-    words: Callable[[dict[str, Any]], str] | None = None
-    draw: Callable[[Path], Any] | None = None
-
+# What is stored of a command's report.json, beside the command.
 
 def _demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
-    return {'command': 'make demo', 'trials': {
-        trial['name']: [trial['peak_torque'], trial['rms_torque'], trial['stuck']]
-        for trial in report['trials']},
-        'residual': [report['residual']['before'], report['residual']['after']]}
+    return {'trials': {trial['name']: [trial['peak_torque'], trial['rms_torque'], trial['stuck']]
+                       for trial in report['trials']},
+            'residual': [report['residual']['before'], report['residual']['after']]}
 
 
 def _reproduce_numbers(results: dict[str, Any]) -> dict[str, Any]:
     kept = ('breakaway', 'peak_torque', 'peak_reduction', 'false_starts')
-    return {'command': 'python3 -m friction_comp reproduce --output reproduction --cycles 200',
-            'configurations': {name: {entry: result[entry] for entry in kept}
+    return {'configurations': {name: {entry: result[entry] for entry in kept}
                                for name, result in results['configurations'].items()}}
-
-
-def _to_and_fro_numbers(report: dict[str, Any]) -> dict[str, Any]:
-    return {'command': 'python3 -m friction_comp demo --scene to_and_fro',
-            'rms': {one['name']: one['rms_torque'] for one in report['to_and_fro']},
-            'inertia': report['inertia_rms']}
-
-
-def _to_and_fro_words(numbers: dict[str, Any]) -> str:
-    from friction_comp.demo.scenes import WAYS
-
-    return ('Torque of a hand over the angle, to and fro at 0.6 Hz. RMS: ' + ', '.join(
-        f'{title} {numbers["rms"][name]:.2f}' for name, title, *_ in WAYS)
-        + f', without friction {numbers["inertia"]:.2f} N·m.')
-
-
-def _to_and_fro_picture(folder: Path) -> Any:
-    from friction_comp.demo.pages import HandTrial, loops_figure
-    from friction_comp.demo.scenes import recorded, WAYS
-
-    return loops_figure({name: HandTrial(title, recorded(folder / 'recordings' / name))
-                         for name, title, *_ in WAYS})
 
 
 def _first_numbers(report: dict[str, Any]) -> dict[str, Any]:
     friction = report['friction']
-    return {'command': 'python3 -m friction_comp refine examples/log.csv --output output/log', **{
-        name: [friction[name], *friction['intervals'][name]]
-        for name in ('coulomb', 'viscous', 'inertia')}}
+    return {name: [friction[name], *friction['intervals'][name]]
+            for name in ('coulomb', 'viscous', 'inertia')}
 
 
-KINDS = {
-    'said': Kind(lambda rows_: {'command': 'python3 bench/measured_table.py', 'rows': rows_}),
-    'first': Kind(_first_numbers),
-    'demo': Kind(_demo_numbers),
-    'reproduce': Kind(_reproduce_numbers),
-    'laws': Kind(lambda result: {
-        'command': f'python3 bench/law_choice.py --seed {result["seed"]}', **result}),
-    'conditions': Kind(lambda result: {
-        'command': f'python3 bench/law_table.py --floors conditions --seed {result["seed"]}',
-        **result}),
-    'ablation': Kind(lambda result: {
-        'command': f'python3 bench/law_ablation.py --seed {result["seed"]}', **result}),
-    'to_and_fro': Kind(_to_and_fro_numbers, _to_and_fro_words, _to_and_fro_picture)}
+TOOL = 'python3 -m friction_comp'
+STORES: dict[str, tuple[str, Callable[[Any], dict[str, Any]]]] = {
+    'said': ('python3 bench/measured_table.py', lambda rows_: {'rows': rows_}),
+    'first': (f'{TOOL} refine examples/log.csv --output output/log', _first_numbers),
+    'demo': ('make demo', _demo_numbers),
+    'reproduce': (f'{TOOL} reproduce --output reproduction --cycles 200', _reproduce_numbers),
+    'laws': ('python3 bench/law_choice.py --seed {seed}', dict),
+    'conditions': ('python3 bench/law_table.py --floors conditions --seed {seed}', dict),
+    'ablation': ('python3 bench/law_ablation.py --seed {seed}', dict)}
 
 
 def main() -> None:
     """Store figures, if they are given, and write all generated parts."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('name', choices=KINDS, nargs='?')
+    parser.add_argument('name', choices=STORES, nargs='?')
     parser.add_argument('result', type=Path, nargs='?', help='the JSON file that a command wrote')
     arguments = parser.parse_args()
     if arguments.name:
-        kind = KINDS[arguments.name]
-        numbers = kind.numbers(json.loads(arguments.result.read_text(encoding='utf-8')))
-        (STORED / f'{arguments.name}.json').write_text(
-            json.dumps(numbers, indent=1, ensure_ascii=False) + '\n', encoding='utf-8')
-        if kind.draw and kind.words:
-            from pictures import to_file
-
-            (HERE / f'{arguments.name}.svg').write_text(to_file(
-                kind.draw(arguments.result.parent), 'A hand moves a joint to and fro',
-                kind.words(numbers)), encoding='utf-8')
+        command, kept = STORES[arguments.name]
+        report = json.loads(arguments.result.read_text(encoding='utf-8'))
+        numbers = kept(report)
+        (STORED / f'{arguments.name}.json').write_text(json.dumps(
+            {'command': command.format(**numbers), **numbers}, indent=1, ensure_ascii=False)
+            + '\n', encoding='utf-8')
     for page in pages():
         text = page.read_text(encoding='utf-8')
         page.write_text(written(text), encoding='utf-8')

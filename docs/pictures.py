@@ -1,12 +1,18 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws pictures of README and docs: `python3 docs/pictures.py NAME` writes docs/NAME.svg."""
+"""Draws pictures of README and docs.
+
+python3 docs/pictures.py first sources             writes docs/first.svg and docs/sources.svg
+python3 docs/pictures.py to_and_fro=DIR            DIR: the output of that scene of the demo
+"""
 
 from pathlib import Path
 import sys
 
 import numpy as np
 
+from friction_comp.demo.pages import HandTrial, loops_figure
+from friction_comp.demo.scenes import recorded, WAYS
 from friction_comp.direction.announced import DesiredMotion, PlannedDirection
 from friction_comp.direction.force_sensor import ForceDirection
 from friction_comp.recordings import read_recording
@@ -143,11 +149,22 @@ def sources():
     return figure
 
 
+def to_and_fro(folder):
+    """Return the torque of a hand over the angle, with several laws, as an SVG file."""
+    trials = {name: HandTrial(title, recorded(Path(folder) / 'recordings' / name))
+              for name, title, *_ in WAYS}
+    return to_file(loops_figure(trials), 'A hand moves a joint to and fro', (
+        'Torque of a hand over the angle, to and fro at 0.6 Hz. RMS: '
+        + ', '.join(f'{one.title} {one.rms:.2f}' for one in trials.values()) + ' N·m.'))
+
+
 PICTURES = {
-    'first': lambda: to_file(
+    'first': lambda _: to_file(
         first(), 'Measured and predicted torque of examples/log.csv', DESCRIPTION),
-    'sources': lambda: to_svg(sources())}
+    'sources': lambda _: to_svg(sources()),
+    'to_and_fro': to_and_fro}
 
 if __name__ == '__main__':
-    for name in sys.argv[1:]:
-        (ROOT / 'docs' / f'{name}.svg').write_text(PICTURES[name](), encoding='utf-8')
+    for argument in sys.argv[1:]:
+        name, _, where = argument.partition('=')
+        (ROOT / 'docs' / f'{name}.svg').write_text(PICTURES[name](where), encoding='utf-8')
