@@ -331,8 +331,9 @@ def check_folder(path: AnyPath) -> None:
             folder = folder.parent
         # Permissions are not sufficient: a file system may be full or read-only.
         probe = folder / f'.{os.urandom(12).hex()}'
-        probe.open('xb').close()
-        probe.unlink()
+        with interrupts_deferred():
+            probe.open('xb').close()
+            probe.unlink()
 
 
 def check_file(path: AnyPath) -> None:

@@ -314,8 +314,8 @@ def test_a_joint_may_be_named_with_its_topic(tmp_path, topics, joints, given, pl
     (['/leader/state'], 'of that type are /leader/state: name one, with its joint'),
     (['/a/joint_states', '/b/joint_states'], "no joint 'elbow' in it, but '/a/joint_states/elbow")])
 def test_a_joint_that_is_not_clear_is_asked(tmp_path, topics, said):
-    path = record(tmp_path / 'r', [(topic, k + 1, joint_state(
-        10 ** 7 * (k + 1), ['elbow'], [0.001 * k], [], [1.0])) for k in range(9) for topic in topics])
+    path = record(tmp_path / 'r', [(topic, k, joint_state(10 ** 7 * k, ['elbow'], [1.0], [], [1.0]))
+                                   for k in range(1, 9) for topic in topics])
     with pytest.raises(InputError, match=said):
         read_recording(path, 'elbow')
 
