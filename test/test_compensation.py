@@ -30,7 +30,7 @@ from friction_comp.model.effects.kinds import (
     Temperature,
 )
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Breakaway, Presliding
+from friction_comp.model.model_file import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 from friction_comp.simulation.joint import Plant

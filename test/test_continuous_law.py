@@ -24,7 +24,7 @@ from friction_comp.compensation.law_parameters import (
 )
 from friction_comp.model.effects.kinds import Hysteresis
 from friction_comp.model.friction_model import Presliding
-from friction_comp.model.measured import Recorded
+from friction_comp.model.model_file import Recorded
 from friction_comp.simulation.joint import GEARS
 from simulated_recordings.random_gears import LEVEL, push, random_gear, run_gears, small_model
 

@@ -35,7 +35,7 @@ from friction_comp.identification.run import (
     uncertainty_of,
 )
 from friction_comp.identification.supervised_run import Sample
-from friction_comp.model.measured import Breakaway, Presliding
+from friction_comp.model.model_file import Breakaway, Presliding
 
 SPEEDS = np.array([0.09, 0.2, 0.5, 1.0, 1.6])
 RANGE, COULOMB, VISCOUS, RATE, STEP = 0.9, 0.5, 0.2, 25.0, 2e-3

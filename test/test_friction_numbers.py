@@ -14,7 +14,7 @@ from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import friction_of, line_of, simulator_joint
-from friction_comp.model.measured import Breakaway, Recorded
+from friction_comp.model.model_file import Breakaway, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.number_text import in_own_units
 from friction_comp.refinement import refine

@@ -13,7 +13,7 @@ import pytest
 
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Recorded
+from friction_comp.model.model_file import Recorded
 from friction_comp.monitoring.checkup import check_system, Endpoint, Observation
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.tools import doctor

@@ -12,7 +12,7 @@ from friction_comp import Drive, FrictionModel, refine, Samples
 from friction_comp.compensation.law_parameters import knows_presliding
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
-from friction_comp.model.measured import Presliding
+from friction_comp.model.model_file import Presliding
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.reversals import friction_at_rest
 from friction_comp.simulation.joint import (

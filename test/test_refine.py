@@ -23,7 +23,7 @@ from friction_comp.errors import InputError
 from friction_comp.identification.curves import fit_steady_states
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Breakaway
+from friction_comp.model.model_file import Breakaway
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recorded_drive.given import Given, with_current_limit
 from friction_comp.recorded_drive.refine_recordings import showing_friction

@@ -24,8 +24,7 @@ from friction_comp.files import output_folder
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import loss_of, simulator_joint
-from friction_comp.model.measured import Recorded
-from friction_comp.model.model_file import write_arm
+from friction_comp.model.model_file import Recorded, write_arm
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import write_samples
 from friction_comp.results import to_json

@@ -17,7 +17,7 @@ from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.base import Coverage
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Recorded, signals_read
+from friction_comp.model.model_file import Recorded, signals_read
 from friction_comp.model.motor_check import cautions
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine

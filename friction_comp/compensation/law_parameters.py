@@ -15,7 +15,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Breakaway
+from friction_comp.model.model_file import Breakaway
 
 NONE, KINETIC, PAPER, CONTINUOUS, DESIRED = range(5)
 LAWS = dict(zip(('none', 'kinetic', 'paper', 'continuous', 'desired'), range(5)))

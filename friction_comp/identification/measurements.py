@@ -31,7 +31,7 @@ from friction_comp.identification.goal import (
     IdentificationError,
     SETTLING,
 )
-from friction_comp.model.measured import Breakaway, Presliding
+from friction_comp.model.model_file import Breakaway, Presliding
 from friction_comp.statistics import noise_level, rms
 
 MAX_SCATTER = 0.15

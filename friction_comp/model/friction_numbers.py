@@ -26,7 +26,7 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect, RESISTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import LINE
+from friction_comp.model.model_file import LINE
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 

@@ -22,7 +22,7 @@ from friction_comp.errors import InputError
 from friction_comp.facts.motion import STANDSTILL
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import LARGER, Recorded
+from friction_comp.model.model_file import LARGER, Recorded
 from friction_comp.number_text import quantity
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms

@@ -23,7 +23,7 @@ from friction_comp.model.friction_numbers import (
     near_standstill,
     speeds_of,
 )
-from friction_comp.model.measured import LINE, Recorded
+from friction_comp.model.model_file import LINE, Recorded
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import EQ6_LINEAR, first_model, Term
 from friction_comp.refinement.search import constant_derivatives, Fit, free_constants, step_size

@@ -26,7 +26,7 @@ from friction_comp.tools.common import Arguments, layout_of
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.model.measured import Recorded
+    from friction_comp.model.model_file import Recorded
     from friction_comp.samples import RecordingInfo, Samples
 
 
@@ -88,7 +88,7 @@ def main(argv: list[str] | None = None) -> int:
 def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
              predicted: np.ndarray) -> tuple[list[str], list[str]]:
     """Return the errors in words, and remarks on where the model cannot be believed."""
-    from friction_comp.model.measured import LARGER
+    from friction_comp.model.model_file import LARGER
     from friction_comp.refinement.prepare import moving
     from friction_comp.statistics import rms
 
