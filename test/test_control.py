@@ -42,15 +42,6 @@ def test_a_driver_whose_clock_is_behind_does_not_keep_a_direction_alive(behind, 
     assert direction.at(first + SECOND // 10).tolist() == [0.0, 1.0]
 
 
-def test_a_stamped_direction_has_the_planners_age():
-    direction, now = Direction(['elbow'], 60.0), 1000 * SECOND
-    for age, value, held in (
-            (0, 1.0, 1.0), (59, -1.0, 1.0),     # overtaken
-            (-600, -1.0, 0.0)):                 # nobody knows how old it is
-        direction.take_stamped(['elbow'], [value], now - age * SECOND, now)
-        assert direction.at(now).tolist() == [held]
-
-
 def test_a_temperature_counts_for_a_minute_whatever_was_asked_before():
     held = MotorTemperature(['a', 'b'])
     assert held.before(9 * SECOND) is None
@@ -85,24 +76,36 @@ def test_planners_contradict_each_other_if_an_earlier_direction_returns(words, p
     assert direction.disputed(now) == ([] if expected else ['elbow'])
 
 
-@pytest.mark.parametrize(('values', 'expected'), [
-    ([1, -1], [1, -1]), ([2, -1], [0, -1]), ([1], [0, 0]), ([], [0, 0])])
-def test_only_proper_directions_count(values, expected):
-    direction = Direction(['elbow', 'wrist'], 0.5)
-    assert direction.take([-1, 1], SECOND)
-    assert direction.take(values, SECOND + 1) == (expected == values)
-    assert direction.at(SECOND + 1).tolist() == expected
+BEFORE, NAN = (None, [-1, 1]), math.nan
+ENDED = (['wrist', 'elbow'], [-1.0, 1.0], [NAN, 0.4])
 
 
-def test_a_joint_named_twice_has_no_direction_and_others_keep_theirs():
-    direction = Direction(['elbow', 'wrist'], 0.5)
-    assert direction.take([1, 1], SECOND)
-    assert not direction.take_stamped(
-        ['elbow', 'knee', 'elbow', 'knee'], [1.0, 1.0, -1.0, np.nan], SECOND + 1, SECOND + 1)
-    assert direction.at(SECOND + 2).tolist() == [0.0, 1.0]
-    assert direction.why == 'a joint named twice'
-    assert direction.take_stamped(['knee', 'elbow'], [np.nan, -3.0], SECOND + 3, SECOND + 3)
-    assert direction.at(SECOND + 3).tolist() == [-1.0, 1.0]
+@pytest.mark.parametrize(('messages', 'expected', 'why'), [
+    ([BEFORE, (None, [1, -1])], [1, -1], ''), ([BEFORE, (None, [2, -1])], [0, -1], 'other than'),
+    ([BEFORE, (None, [1])], [0, 0], '1 values for 2'), ([BEFORE, (None, [])], [0, 0], '0 values'),
+    # Others keep theirs.
+    ([BEFORE, (['elbow', 'knee', 'elbow', 'knee'], [1.0, 1.0, -1.0, NAN])], [0, 1],
+     'a joint named twice'),
+    ([BEFORE, (['knee', 'wrist'], [NAN, -3.0])], [-1, -1], ''),
+    # By the planner's age: one was overtaken, and of one nobody knows how old it is.
+    ([BEFORE, (['elbow'], [1.0], [], 59)], [-1, 1], ''),
+    ([BEFORE, (['elbow'], [1.0], [], -600)], [0, 1], 'ahead of time'),
+    # The end that a planner says is kept until another direction or end comes.
+    ([ENDED], [1, -1, 0.4, -9], ''), ([ENDED, (None, [1, -1])], [1, -1, 0.4, -9], ''),
+    ([ENDED, (['elbow'], [1.0], [0.9])], [1, -1, 0.9, -9], ''),
+    ([ENDED, (None, [-1, -1])], [-1, -1, -9, -9], ''),
+    ([ENDED, (['elbow'], [1.0], [0.9, 0.1])], [0, 0], '2 positions for 1 names')])
+def test_what_a_message_says_of_directions_holds_and_what_it_cannot_say_is_zero(
+        messages, expected, why):
+    direction = Direction(['elbow', 'wrist'], 60.0)
+    for k, (names, values, *more) in enumerate(messages):
+        now, (ends, age) = 1000 * SECOND + k, [*more, *([], 0)[len(more):]]
+        valid = direction.take(values, now) if names is None else direction.take_stamped(
+            names, values, now - age * SECOND, now, ends)
+    found = [*direction.at(now), *np.nan_to_num(direction.ends, nan=-9.0)]
+    assert found[:len(expected)] == expected
+    assert valid == (not why)
+    assert why in direction.why
 
 
 def test_joints_are_found_by_name_whatever_is_said_of_others():
@@ -335,25 +338,6 @@ def test_a_push_that_a_sensor_feels_is_told_with_its_direction():
     # Nor does an announcement that cannot be read say anything.
     assert felt(1.0) == ([1.0], [True])
     assert felt(1.0, 1.0) == ([0.0], [False])
-
-
-def test_the_end_that_a_planner_says_is_kept_until_another_direction_or_end_comes():
-    direction = Direction(['elbow', 'wrist'], 0.5)
-    stamped, plain = direction.take_stamped, direction.take
-    for k, (take, arguments, expected) in enumerate((
-            (stamped, (['wrist', 'elbow'], [-1.0, 1.0], [math.nan, 0.4]), ([1, -1], [0.4, -9])),
-            # The plain topic says the same direction, and nothing of an end.
-            (plain, ([1, -1],), ([1, -1], [0.4, -9])),
-            (stamped, (['elbow'], [1.0], [0.9]), ([1, -1], [0.9, -9])),
-            (plain, ([-1, -1],), ([-1, -1], [-9, -9])))):
-        now = SECOND + k
-        assert take(*arguments[:2], now, now, *arguments[2:]) if take == stamped else take(
-            *arguments, now)
-        assert (direction.at(now).tolist(),
-                np.nan_to_num(direction.ends, nan=-9.0).tolist()) == expected
-    assert not stamped(['elbow'], [1.0], SECOND + 4, SECOND + 4, [0.9, 0.1])
-    assert direction.why == '2 positions for 1 names'
-    assert direction.at(SECOND + 4).tolist() == [0.0, 0.0]
 
 
 def judged(rows, publishers, joints=('elbow',)):
