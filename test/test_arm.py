@@ -261,18 +261,6 @@ def test_kinetic_terms_agree_with_lagranges_equations():
                 wanted[5:-5], abs=1e-3 * np.max(np.abs(wanted)) + 1e-6), group
 
 
-def test_joints_that_move_together_cannot_be_told_apart():
-    """What is held out of such motion is predicted as well, but other motion need not be."""
-    rng = np.random.default_rng(5)
-    q, v, a = (np.column_stack((x[:, 0], x[:, 0])) for x in waves(rng, 1500, 2, 0.01))
-    current = (2.0 * np.cos(q[:, 0]) + 0.8 * np.cos(q[:, 0] + q[:, 1])
-               + 0.3 * np.tanh(v[:, 0] / 0.01) + 0.2 * v[:, 0] + 0.05 * a[:, 0]
-               + 0.02 * rng.standard_normal(len(q)))
-    report = refine([seen_by('shoulder', ('shoulder', 'elbow'), current, (q, v, a))]).report
-    assert report.verdict == 'record again'
-    assert 'other_joints' in {one.code for one in report.findings}
-
-
 NAMES = ('pitch', 'roll')
 NOISE = 0.02
 

@@ -117,17 +117,22 @@ def test_the_smallest_step_is_the_encoders_and_zero_without_motion():
 # The L1 fit of Eq. 6, and its comparison with the look-up table that it was fitted to.
 
 # Of configuration 2, the steepest of the note.
-NOTE = 0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027
-TABLE = np.radians([1, 2, 3, 5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100])
-TABLE = np.concatenate([-TABLE[::-1], TABLE])
+NOTED = Sigmoid.from_coefficients((0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027), 'deg/s')
+
+
+def both_ways(speeds):
+    """Return speeds in rad/s, of some in degrees, in both directions."""
+    return np.radians(np.concatenate([-np.flip(speeds), speeds]))
+
+
+TABLE = both_ways([1, 2, 3, 5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100])
 
 
 def random_drive(seed):
     """Return a random curve and its table: up to 50 speeds, noise of several kinds."""
     random = np.random.default_rng(seed)
-    speeds = np.radians(np.unique(np.round(
+    speeds = both_ways(np.unique(np.round(
         np.append(random.uniform(0.5, 100.0, random.integers(4, 25)), 100.0), 2)))
-    speeds = np.concatenate([-speeds[::-1], speeds])
     sigmoid = Sigmoid(
         upper=random.uniform(0.05, 0.5), lower=-random.uniform(0.05, 0.5),
         steepness=math.degrees(1.0) * 10.0 ** random.uniform(-1.3, 0.7),
@@ -155,8 +160,7 @@ def test_no_curve_is_nearer_to_a_table_than_its_fit(seed):
 @pytest.mark.slow
 def test_transition_that_the_table_does_not_resolve_is_centred_and_gentle():
     truth = Sigmoid(upper=0.2, lower=-0.2, steepness=2000.0, shift=0.008, viscous=0.05)
-    speeds = np.concatenate([-TABLE[TABLE > 0][::-1], TABLE[TABLE > 0]])
-    found, error = fit_sigmoid(speeds, truth(speeds))
+    found, error = fit_sigmoid(TABLE, truth(TABLE))
     assert error < 1e-6
     assert found.shift == 0.0
     assert abs(float(found(0.0))) < 1e-6
@@ -185,24 +189,22 @@ def test_bad_tables_are_refused(speeds, currents):
 @pytest.mark.parametrize('speeds', [[15, 60], [10, 40, 100], [4, 8, 15, 25, 40, 60, 80, 100]])
 @pytest.mark.parametrize('noise', [0.001, 0.01])
 def test_noise_does_not_make_friction_push_below_the_lowest_speed(speeds, noise):
-    truth = Sigmoid.from_coefficients(NOTE, 'deg/s')
-    table = np.radians(np.concatenate([-np.array(speeds)[::-1], speeds]))
+    table = both_ways(speeds)
     for seed in range(3):
         scatter = noise * np.random.default_rng(seed).standard_normal(len(table))
-        found, _ = fit_sigmoid(table, truth(table) + scatter * truth(table).max())
+        found, _ = fit_sigmoid(table, NOTED(table) + scatter * NOTED(table).max())
         slow = 0.3 * table[[len(speeds) - 1, len(speeds)]]
         assert (found(slow) * slow > 0.0).all()
 
 
 @pytest.mark.parametrize('speeds', [[5, 50], [80, 100], [10, 40, 100]])
 def test_two_or_three_speeds_tell_coulomb_and_viscous_friction(speeds):
-    truth = Sigmoid.from_coefficients(NOTE, 'deg/s')
-    table = np.radians(np.concatenate([-np.array(speeds)[::-1], speeds]))
+    table = both_ways(speeds)
     far = np.radians([-100.0, -20.0, -5.0, 5.0, 20.0, 100.0])
     for seed in range(4):
         scatter = 1e-3 * np.random.default_rng(seed).standard_normal(len(table))
-        found, _ = fit_sigmoid(table, truth(table) * (1.0 + scatter))
-        np.testing.assert_allclose(found(far), truth(far), rtol=0.07)
+        found, _ = fit_sigmoid(table, NOTED(table) * (1.0 + scatter))
+        np.testing.assert_allclose(found(far), NOTED(far), rtol=0.07)
 
 
 # Velocity and acceleration from recorded positions with regular and irregular stamps.

@@ -6,7 +6,7 @@ from dataclasses import replace
 import math
 
 from effect_maker import defaults, parameters_of, samples_of
-from helpers import sines
+from helpers import swings
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
@@ -245,17 +245,12 @@ def own_effect():
     del EFFECTS[TightEnd.name]
 
 
-def recording(seed, duration=60.0, step=0.01):
-    """A joint under a sum of sines; what drives it is friction, and what gets tighter."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(0.0, duration, step)
-    position, velocity, _ = sines(time, (
-        (0.3 / (1.0 + 2.0 * frequency), 2.0 * np.pi * frequency, rng.uniform(0.0, 2.0 * np.pi))
-        for frequency in (0.11, 0.23, 0.37, 0.71)))
-    current = (0.1 * np.tanh(velocity / 0.02) + 0.05 * velocity
-               + GAIN * velocity * np.exp(position / REFERENCE))
-    return Samples(time=time, position=position, velocity=velocity,
-                   current=current + 0.002 * rng.standard_normal(time.size))
+def recording(seed):
+    """A joint whose friction grows as it gets tighter."""
+    samples = swings(seed, 60.0, 0.01, (0.11, 0.23, 0.37, 0.71), size=0.045, coulomb=0.1,
+                     viscous=0.05, width=0.02, noise=0.002)
+    return samples.with_(acceleration=None, current=(
+        samples.current + GAIN * samples.velocity * np.exp(samples.position / REFERENCE)))
 
 
 @pytest.mark.slow
@@ -284,28 +279,23 @@ def test_an_effect_that_exists_only_here(own_effect, tmp_path):
 # Each undeclared effect does to the simulated joint what its file says, and nothing else.
 
 # Formulas as a reader of the file format would write them: torque N·m that the motor has to
-# hold, and torque by which friction is higher, as functions of position, velocity, time, load.
+# hold, and torque by which friction is higher, as functions of position, speed, time, load.
 HELD = {
     'offset': ({'torque': 0.4}, lambda x, v, t, u: 0.4 + 0 * x),
     'gravity': ({'amplitude': 0.6, 'phase': 0.5}, lambda x, v, t, u: 0.6 * np.sin(x + 0.5)),
     'cogging': ({'amplitude': 0.3, 'frequency': 12.0, 'slope': -0.5},
-                lambda x, v, t, u: 0.3 * (1 - 0.5 * np.abs(v)) * np.sin(12 * x)),
-}
+                lambda x, v, t, u: 0.3 * (1 - 0.5 * v) * np.sin(12 * x))}
 HIGHER = {
-    'stribeck': ({'amplitude': 0.5, 'velocity': 0.4},
-                 lambda x, v, t, u: 0.5 * np.exp(-np.abs(v) / 0.4)),
-    'viscous_shape': ({'amplitude': 0.5, 'exponent': 0.5},
-                      lambda x, v, t, u: 0.5 * np.sqrt(np.abs(v))),
-    'direction': ({'coulomb': 0.2, 'viscous': 0.3},
-                  lambda x, v, t, u: np.sign(v) * (0.2 + 0.3 * np.abs(v))),
+    'stribeck': ({'amplitude': 0.5, 'velocity': 0.4}, lambda x, v, t, u: 0.5 * np.exp(-v / 0.4)),
+    'viscous_shape': ({'amplitude': 0.5, 'exponent': 0.5}, lambda x, v, t, u: 0.5 * np.sqrt(v)),
+    'direction': ({'coulomb': 0.2, 'viscous': 0.3}, lambda x, v, t, u: 0.2 + 0.3 * v),
     'friction_ripple': ({'amplitude': 0.3, 'frequency': 12.0, 'phase': 1.0},
                         lambda x, v, t, u: 0.3 * np.sin(12 * x + 1)),
     'bump': ({'amplitude': 0.6, 'position': 0.2, 'width': 0.3},
              lambda x, v, t, u: 0.6 * np.exp(-0.5 * ((x - 0.2) / 0.3) ** 2)),
     'load': ({'coefficient': 0.3}, lambda x, v, t, u: 0.3 * np.abs(u)),
     'warm_up': ({'share': 0.4, 'time_constant': 10.0},
-                lambda x, v, t, u: 0.4 * np.exp(-t / 10) * (1.0 + 0.4 * np.abs(v))),
-}
+                lambda x, v, t, u: 0.4 * np.exp(-t / 10) * (1.0 + 0.4 * v))}
 
 
 def plain_drive(effects, **changes):
@@ -340,8 +330,9 @@ def test_the_current_shows_the_effect_as_its_formula_says(name, servo):
     parameters, formula = {**HELD, **HIGHER}[name]
     load = 0.5 if name == 'load' else 0.0
     x, v, t, u, current = moved([{'name': name, 'parameters': parameters}], servo, load)
-    extra = formula(x, v, t, u) * (np.sign(v) if name in HIGHER else 1.0)
-    expected = np.sign(v) * (1.0 + 0.4 * np.abs(v)) + extra - u
+    side, speed = np.sign(v), np.abs(v)
+    extra = formula(x, speed, t, u) * (side if name in HIGHER and name != 'direction' else 1.0)
+    expected = side * (1.0 + 0.4 * speed) + extra - u
     assert len(x) > 1000
     assert np.std(extra) > 0.04 or name == 'offset'
     # The servo hunts a little, and a human's push is measured with noise.
@@ -393,19 +384,14 @@ def test_stiction_grows_with_rest_and_is_lost_by_sliding():
     assert short == pytest.approx(1.39, abs=0.06)
     assert long == pytest.approx(1.5, abs=0.06)
 
-    table, memory = _table([effect])
-    levels = [undeclared_torque(table, memory, 0.0, 0.0, 0.0, 0.0, 25.0, 10.0, 2.0)[1]]
-    levels += [undeclared_torque(table, memory, 0.0, x, 0.1, 0.0, 25.0, 0.0, 2.0)[1]
-               for x in (0.1, 0.2)]
-    np.testing.assert_allclose(levels, [1.0, math.exp(-1), math.exp(-2)], rtol=1e-4)
-
 
 def test_friction_behind_a_backlash_is_absent_across_the_gap_after_a_reversal():
     effect = {'name': 'backlash', 'parameters': {'torque': 0.5, 'gap': 0.02, 'stiffness': 100.0}}
-    table, memory = _table([effect])
+    extra = Undeclared.from_effects([effect])
+    memory = np.zeros(extra.memory_size)
 
     def torque(x):
-        return -undeclared_torque(table, memory, 0.0, x, 1.0, 0.0, 25.0, 0.0, 1.0)[0]
+        return -undeclared_torque(extra.table, memory, 0.0, x, 1.0, 0.0, 25.0, 0.0, 1.0)[0]
     # It starts in the middle; 0.5 N·m at 100 N·m/rad are another 5 mrad.
     assert [torque(x) for x in (0.0, 0.009, 0.0125, 0.015, 0.3)] == pytest.approx(
         [0.0, 0.0, 0.25, 0.5, 0.5])
@@ -426,22 +412,18 @@ def test_friction_never_turns_into_drive():
     assert abs(plant.state.velocity[0]) < 1e-9
 
 
+OWN = '{format: friction_comp_undeclared, version: 1, '
+
+
 @pytest.mark.parametrize(('text', 'reason'), [
-    ('', 'not a file of undeclared effects'),
+    ('', 'not a file of undeclared effects'), ('[', 'not a YAML document'),
     ('format: friction_comp_undeclared\nversion: 2', 'version 2'),
-    ('[', 'not a YAML document'),
-    ('{format: friction_comp_undeclared, version: 1, effects: 3}', 'not a list'),
-    ('{format: friction_comp_undeclared, version: 1, effect: []}', 'unknown entries: effect;'),
-    ('{format: friction_comp_undeclared, version: 1, effects: [{name: magic}]}', "'magic'"),
-    ('{format: friction_comp_undeclared, version: 1, effects: [{name: [magic]}]}', 'magic'),
-    ('{format: friction_comp_undeclared, version: 1, effects: [{name: offset}]}', 'needs torque'),
-    ('{format: friction_comp_undeclared, version: 1, effects: '
-     '[{name: offset, parameters: {torque: .nan}}]}', 'torque must be a finite number'),
-    ('{format: friction_comp_undeclared, version: 1, effects: '
-     '[{name: offset, parameters: {torque: 1, size: 2}}]}', 'unknown entries: size;'),
-    ('{format: friction_comp_undeclared, version: 1, thermal: {time_constant: 0}}',
-     'time_constant'),
-])
+    (OWN + 'effects: 3}', 'not a list'), (OWN + 'effect: []}', 'unknown entries: effect;'),
+    (OWN + 'thermal: {time_constant: 0}}', 'time_constant'),
+    *((f'{OWN}effects: [{{name: {effect}}}]}}', reason) for effect, reason in (
+        ('magic', "'magic'"), ('[magic]', 'magic'), ('offset', 'needs torque'),
+        ('offset, parameters: {torque: .nan}', 'torque must be a finite number'),
+        ('offset, parameters: {torque: 1, size: 2}', 'unknown entries: size;')))])
 def test_a_file_that_cannot_be_used_says_why(tmp_path, text, reason):
     path = tmp_path / 'hidden.yaml'
     path.write_text(text)
@@ -450,8 +432,3 @@ def test_a_file_that_cannot_be_used_says_why(tmp_path, text, reason):
     assert str(error.value).startswith(str(path))
     assert reason in str(error.value)
     assert '\n' not in str(error.value)
-
-
-def _table(effects):
-    extra = Undeclared.from_effects(effects)
-    return extra.table, np.zeros(extra.memory_size)
