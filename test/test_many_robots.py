@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many recordings and robots: one that fails costs only itself; units are compared."""
 
-from dataclasses import replace
 import json
 import os
 from pathlib import Path
@@ -21,18 +20,12 @@ from table_maker import swing, write
 from work_that_may_die import work_that_ends_a_worker_once, work_that_may_die
 
 from friction_comp.__main__ import run
-from friction_comp.drive import Drive
-from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate_recordings
-from friction_comp.fleet.population import CommonModel, ERROR, population_of, units_out
-from friction_comp.model.effects import EFFECTS
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.fleet.population import populations_of, units_out
 from friction_comp.parallel import Failure, run_each, runner_on_cluster
 from friction_comp.recordings import write_samples
 from friction_comp.recordings.reader import pieces_of
 from friction_comp.reports.other_pages import each_page
-from friction_comp.samples import Samples
 from simulated_recordings.drives import excitation_for, random_drive, record
 
 
@@ -51,9 +44,9 @@ def refined_each(out, *arguments):
 
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory):
-    """Two recordings, and one that cannot be read."""
+    """Four recordings, and one that cannot be read."""
     room = tmp_path_factory.mktemp('many') / 'sessions'
-    for k in range(2):
+    for k in range(4):
         write_recording(room / f'day_{k}', 40 + k, duration=8.0, rate=125.0)
     (room / 'broken.mcap').write_bytes(b'no recording')
     return room
@@ -64,7 +57,8 @@ def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp
     out = tmp_path / 'out'
     content = refined_each(out, folder)
     assert undocumented(content) == set()
-    assert [Path(row['recording']).name for row in content['recordings']] == ['day_0', 'day_1']
+    assert [Path(row['recording']).name for row in content['recordings']] == [
+        f'day_{k}' for k in range(4)]
     for row in content['recordings']:
         assert row['effects'][0]['name'] == 'gravity'
         assert row['after'] < 0.5 * row['before']
@@ -76,6 +70,8 @@ def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp
     page = (out / 'report.html').read_text(encoding='utf-8')
     assert 'href="day_0/report.html"' in page
     assert 'broken.mcap' in page
+    joint, = json.loads((out / 'fleet.json').read_text())['joints']
+    assert (joint['units'], joint['out']) == ([f'day_{k}' for k in range(4)], {})
     refuses('--each', 'refine', folder, '--jobs', '2')
     refuses('broken.mcap', 'refine', folder / 'broken.mcap', '--each')
 
@@ -175,74 +171,63 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
 
 # A fleet.
 
-WIDTH = 0.02
+NOMINAL = {'coulomb': (0.5, 0.08), 'viscous': (0.2, 0.12), 'inertia': (0.05, 0.03)}
+ERROR = 0.01    # of measurement, as a share
 
 
 def drawn(unit):
-    """Return the factors of a unit's parameters."""
+    """Return the factors of a unit's numbers."""
     rng = np.random.default_rng([unit, 1])
-    return {name: np.exp(scatter * rng.standard_normal()) for name, scatter in (
-        ('coulomb', 0.08), ('viscous', 0.12), ('inertia', 0.03))}
+    return {name: np.exp(spread * rng.standard_normal()) for name, (_, spread) in NOMINAL.items()}
 
 
-def recorded(unit, bump=0.0, **factors):
-    """Return a recording of a unit: Coulomb, viscous, inertia, and a bump if wanted."""
-    value = {name: factors.get(name, 1.0) * factor for name, factor in drawn(unit).items()}
-    rng = np.random.default_rng([unit, 0, 2])
-    t = 0.01 * np.arange(2000)
-    q = sum(size * np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for size, f in (
-        (0.8, 0.11), (0.3, 0.37), (0.1, 0.9)))
-    v = np.gradient(q, t)
-    current = (0.5 * value['coulomb'] * np.tanh(v / WIDTH) + 0.2 * value['viscous'] * v
-               + 0.05 * value['inertia'] * np.gradient(v, t)
-               + bump * np.tanh(v / WIDTH) * np.exp(-((q - 0.3) / 0.1) ** 2)
-               + 0.01 * rng.standard_normal(len(t)))
-    return Samples(time=t, position=q, current=current, joint='elbow')
+def fleet(units, odd, days=1):
+    """Return rows of a fleet's recordings; `odd` has further factors of some units."""
+    rows = []
+    for unit in range(units):
+        for day in range(days):
+            rng = np.random.default_rng([unit, day, 2])
+            numbers = {name: value * drawn(unit)[name] * odd.get(unit, {}).get(name, 1.0)
+                       * (1.0 + ERROR * rng.standard_normal())
+                       for name, (value, _) in NOMINAL.items()}
+            friction = {name: [value, value * (1.0 - 2.0 * ERROR), value * (1.0 + 2.0 * ERROR)]
+                        for name, value in numbers.items()}
+            offset = 0.001 * rng.standard_normal()
+            friction['offset'] = [offset, offset - 0.002, offset + 0.002]
+            rows.append({'joint': 'elbow', 'unit': 'A', 'robot': f'unit_{unit:02d}',
+                         'friction': friction})
+    return rows
 
 
-@pytest.fixture(scope='module')
-def model():
-    return FrictionModel(
-        Drive(1.0, 1.0), Sigmoid(0.5, -0.5, 2.0 / WIDTH, 0.0, 0.2), joint='elbow',
-        effects=[EFFECTS['inertia']({'coefficients': [0.05]})],
-        differentiation={'method': 'zero-phase Butterworth', 'source': 'position',
-                         'bandwidth': 10.0})
+@pytest.fixture(scope='module', params=[1, 2], ids=['one day', 'two days'])
+def population(request):
+    found, = populations_of(fleet(
+        40, {4: {'coulomb': 1.6}, 31: {'inertia': 1.4}}, request.param))
+    return found
 
 
-def fleet(model, units, odd):
-    common = CommonModel.of([model] * 3)
-    sums = [(f'unit_{unit:02d}', common.sums([recorded(unit, **odd.get(unit, {}))], model, False))
-            for unit in range(units)]
-    return population_of(sums, common, model, 'A')
-
-
-@pytest.fixture(scope='module')
-def population(model):
-    return fleet(model, 40, {4: {'coulomb': 1.6}, 17: {'bump': 0.4}, 31: {'inertia': 1.4}})
-
-
-def test_three_odd_units_of_forty_are_found_and_no_other(population):
-    assert population.out == {'unit_04': ['coulomb'], 'unit_17': [ERROR], 'unit_31': ['inertia']}
+def test_odd_units_of_forty_are_found_and_no_other(population):
+    assert population.out == {'unit_04': ['Coulomb'], 'unit_31': ['inertia']}
     page = each_page({'recordings': [], 'failed': []}, [population]).html()
-    for text in ('Look at 3 of 40 units', 'unit_17', 'error of the common model', 'fleet.json'):
+    for text in ('Look at 2 of 40 units', 'unit_31', 'fleet.json'):
         assert text in page
+    assert populations_of(fleet(3, {})) == []
 
 
 def test_mean_spread_and_range_are_those_of_the_population(population):
     by_name = {one.name: one for one in population.parameters}
     usual = [drawn(unit) for unit in range(40)]
-    for name, nominal, odd in (('coulomb', 0.5, 4), ('viscous', 0.2, None), ('inertia', 0.05, 31)):
-        true = np.log([nominal * factors[name] for unit, factors in enumerate(usual)
+    for title, name, odd in (('Coulomb', 'coulomb', 4), ('viscous', 'viscous', None),
+                             ('inertia', 'inertia', 31)):
+        true = np.log([NOMINAL[name][0] * factors[name] for unit, factors in enumerate(usual)
                        if unit != odd])
-        one = by_name[name]
+        one = by_name[title]
         assert one.scale == 'logarithmic'
         assert one.spread == pytest.approx(true.std(ddof=1), rel=0.15)
         assert np.log(one.mean) == pytest.approx(true.mean(), abs=0.03)
         assert one.varies
         # 95 % of units: two spreads on either side.
-        assert np.log(one.range[1] / one.mean) == pytest.approx(2.03 * one.spread, rel=0.05)
-    # The same noise in all units.
-    assert by_name[ERROR].mean == pytest.approx(0.01, rel=0.1)
+        assert np.log(one.range[1] / one.mean) == pytest.approx(2.03 * one.spread, rel=0.1)
     assert not by_name['offset'].varies
 
 
@@ -258,19 +243,6 @@ def test_odd_units_do_not_hide_each_other_and_a_clean_fleet_has_none():
     value[:3] = 7.0
     assert np.nonzero(units_out(value, error, 8))[0].tolist() == [0, 1, 2]
     assert not (np.abs(value - value.mean()) > 3 * value.std(ddof=1)).any()
-
-
-def test_an_effect_is_common_if_half_of_the_recordings_show_it(model):
-    fading = [replace(model, effects=[*model.effects, EFFECTS['stribeck']({
-        'velocity': v, 'exponent': 1.0, 'transition': 0.02, 'coefficients': [0.1]})])
-        for v in (0.1, 0.2, 0.9)]
-    common = CommonModel.of([*fading, model, model, model])
-    assert [(term.kind.name, term.constants.get('velocity')) for term in common.terms] == [
-        ('inertia', None), ('stribeck', 0.2)]
-    assert [one.name for one in common.compared()][-1] == 'stribeck'
-    assert len(CommonModel.of([fading[0], model, model]).terms) == 1
-    with pytest.raises(InputError, match='3 units are too few'):
-        fleet(model, 3, {})
 
 
 # On a Dask cluster: the same results as here, and none is lost where a worker is killed.

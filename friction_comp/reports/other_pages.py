@@ -117,14 +117,12 @@ def _add_fleet(page: Report, population: Population) -> None:
         'between units, without what errors of measurement explain.')
     repeated = population.recordings > len(population.units)
     page.text(
-        f'{population.recordings} recordings of {len(population.units)} units were fitted with the '
-        'same effects and constants. ' + (
+        f'{population.recordings} recordings of {len(population.units)} units. ' + (
             'What differs between recordings of one unit counts as error of its value. ' if repeated
             else 'With one recording of each unit, what differs from day to day counts as a '
             'difference between units: record some units twice to tell these apart. ')
         + 'In a fleet without an odd unit, one is called out on 5 of 100 pages like this one.')
-    page.text('`fleet.json` holds all of this and the values of each unit; '
-              f'`{population.file_name}.yaml` is the mean as a model.')
+    page.text('`fleet.json` holds all of this and the values of each unit.')
 
 
 @styled
