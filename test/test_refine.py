@@ -10,6 +10,7 @@ import csv
 from dataclasses import replace
 import json
 import re
+import sys
 
 from helpers import note_model, ROOT, swings
 import numpy as np
@@ -29,9 +30,8 @@ from friction_comp.recorded_drive.given import Given, with_current_limit
 from friction_comp.recorded_drive.refine_recordings import showing_friction
 from friction_comp.recordings import read_recording, read_recording_with_info, write_samples
 from friction_comp.refinement import refine
-from friction_comp.refinement.judge import Finding, other_turn, verdict_of
-from friction_comp.refinement.result import FoundEffect
-from friction_comp.samples import Samples
+from friction_comp.refinement.judge import Finding, verdict_of
+from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.refine import main as run_refine
@@ -402,15 +402,29 @@ def test_friction_that_would_push_is_not_trusted_in_means_either(
     assert ('would have to push' in said) == (sign < 0.0)
 
 
-@pytest.mark.parametrize(('waves', 'said'), [
-    # As of a public winch, whose positions are turns: 14 and 12 times 2π.
-    ([(87.909, 87.980), (75.350, 75.424)], '14, 12 if position is in turn'),
-    ([(0.2440, 0.2445), (0.7329, 0.7332)], '14, 42 if position is in deg'),
-    ([(13.99, 14.02), (75.350, 75.424)], ''),         # one is no whole number in turns
-    ([(87.96, 88.02), (37.68, 38.01)], ''),           # whole in rad, too
-    ([(87.7, 87.98)], ''),                            # by chance
-    ([], '')])
-def test_ripples_tell_in_which_unit_a_turn_is_one(waves, said):
-    found = list(other_turn([FoundEffect('cogging', 'position', 1.0, 1.0, {}, {
-        'frequency': [*ends]}, None, '', '') for ends in waves]))
-    assert said in found[0].text if said else not found
+def drives_of_many_kinds():
+    """Yield recordings of drives with one effect each, and of an arm of two joints."""
+    plain, other = swings(1, 20.0), swings(2, 20.0, frequencies=(0.13, 0.31, 0.57))
+    time, q, v = plain.time, plain.position, plain.velocity
+    heat = 25.0 + 10.0 * (1.0 - np.exp(-time / 8.0))
+    for more, signals in (
+            (0.0, {}), (1.5 * np.sin(q), {}), (0.8 * q, {}), (0.1 * np.cos(40.0 * q), {}),
+            (0.2 * np.tanh(v / 0.01) * np.exp(-np.abs(v) / 0.1), {}), (0.1 * np.abs(v), {}),
+            (0.01 * (35.0 - heat) * np.tanh(v / 0.01), {'temperature': heat}),
+            (0.6 * np.cos(q + other.position), {'joint': 'lift', 'arm': JointStates(
+                ('lift', 'bend'), np.column_stack((q, other.position)))})):
+        yield plain.with_(current=plain.current + more, acceleration=None, **signals)
+
+
+@pytest.mark.parametrize('recorded', drives_of_many_kinds())
+def test_names_change_nothing_in_what_a_model_predicts(recorded, monkeypatch):
+    """Neither in the recorded motion nor in a wider one."""
+    wider = recorded.with_(position=2.0 * recorded.position, velocity=2.0 * recorded.velocity)
+    module, predicted = sys.modules['friction_comp.refinement.refine'], []
+    for rivals in ([], ['other_joints', 'bump'], ['hysteresis']):
+        monkeypatch.setattr(module, 'rivals_of', lambda fit, rivals=rivals: {
+            term: list(rivals) for term in fit.terms})
+        model = refine([recorded]).model
+        predicted.append([model.predict(samples) for samples in (recorded, wider)])
+    assert np.array_equal(predicted[0], predicted[1])
+    assert np.array_equal(predicted[0], predicted[2])

@@ -33,7 +33,6 @@ from friction_comp.refinement.result import (
     Dependence,
     Errors,
     Finding,
-    FoundEffect,
     IN_PART,
     Predicted,
     Question,
@@ -53,9 +52,6 @@ _FEWEST_POSITIONS = 10
 _SWEPT = 0.4
 # Correlation of measured and commanded current above which no other controller acts.
 _AS_COMMANDED = 0.95
-# Waves a turn of 2π of what repeats once a turn, where positions are in these units instead of rad,
-# and the share of cases in which chance may say so.
-_TURNS, _CHANCE = {'turn': 2.0 * math.pi, 'deg': 2.0 * math.pi / 360.0}, 0.01
 _LOADS = 'record several loads, and none'
 
 
@@ -443,33 +439,6 @@ def _not_known(rows: Rows) -> Iterator[Finding]:
                   getattr(samples, signal) is not None for signal in kind.needs)]
     if unseen:
         yield Finding('not_known', f'This motion cannot show: {", ".join(unseen)}.')
-
-
-def other_turn(effects: Sequence[FoundEffect]) -> Iterator[Finding]:
-    """Yield the finding that ripples repeat a whole number of times a turn in a unit but rad.
-
-    What a motor or gear repeats, it repeats a whole number of times a turn; the intervals of some
-    ripple exclude that, and those of all hold it for another turn, by chance in 1 % of cases.
-    """
-    waves = [np.array(effect.intervals['frequency']) for effect in effects
-             if 'frequency' in effect.intervals]
-
-    def whole(turn: float) -> list[float]:
-        """Return the whole number in each interval, NaN where there is none."""
-        return [low if (low := math.ceil(ends[0] / turn)) <= ends[1] / turn else math.nan
-                for ends in waves]
-    if not np.isnan(whole(1.0)).any():
-        return
-    for unit, turn in _TURNS.items():
-        chance = math.prod(min(float(np.ptp(ends)) / turn, 1.0) for ends in waves)
-        numbers = whole(turn)
-        if chance < _CHANCE and min(numbers) > 0.0 and not np.isnan(numbers).any():
-            found = ', '.join(f'{number:g}' for number in numbers)
-            yield Finding(
-                'signals', f'No whole number of ripples is in a turn of 2π, but {found} if '
-                f'position is in {unit}: its unit, which is taken for rad, seems to be this.',
-                IN_PART, f'nothing: give the unit, --unit position={unit}')
-            return
 
 
 def findings_on_numbers(friction: FrictionNumbers, error: float = math.inf,

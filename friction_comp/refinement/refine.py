@@ -147,7 +147,7 @@ def model_of(fit: Fit, problem: Problem, bounds: Intervals) -> FrictionModel:
             # What may be the doing of other joints has no law by which it goes on beyond.
             effects.append(with_range(
                 term.kind({**term.constants, 'coefficients': list(values)}), moving,
-                only_recorded='other_joints' in fit.rivals.get(term, ())))
+                only_recorded=bool(rows.joints) and rows.samples.rigid_body is None))
         else:
             groups.append(term.group)
             gains.append(values)
@@ -224,9 +224,6 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
         between[0], judge.error_by_steps(raw, refined, rows.usable),
         0.0 if kept else float(sizes.max())))
     notes = _notes(problem, refined)
-    # Only where the unit of position was assumed, not given.
-    if any(' in rad' in one.partition(' (')[0] for one in origin.assumed):
-        notes += judge.other_turn(effects)
     verdict = verdict_of([
         *judge.findings_on_numbers(friction, errors.held_out_rmse, float(np.abs(
             rows.target).max())),

@@ -388,8 +388,6 @@ def _with_current_loads(table: Table, terms: list[Term]) -> list[Term]:
     return terms
 
 
-# A model without a weight beside the links may have so much more of the error.
-_AS_GOOD = 1.1
 # Most times that filters, or a lag, are chosen with the terms found before.
 _FILTERS = 5
 # Number of lags that are tried on each side, from half a sample to the longest.
@@ -540,24 +538,7 @@ def find_best_fit(problem: Problem) -> Fit:
     best = _with_late_terms(best)
     if late:
         best = _better(best, late, thresholds.LAG_SHARE)
-    return refit(best, _without_weight_beside_links(best))
-
-
-def _without_weight_beside_links(fit: Fit) -> list[Term]:
-    """Return the terms without a weight that makes up for what is wrong with a URDF's links.
-
-    The links are all weight. Where it is more than that, it stays: a name must not change what the
-    model predicts.
-    """
-    terms = list(fit.terms)
-    links = any(term.kind.name == 'rigid_body' for term in terms)
-    beside = [term for term in terms[fit.initial_count:]
-              if term.kind.weight and not term.kind.needs]
-    if not links or not beside:
-        return terms
-    search = Search(fit.table, terms[:fit.initial_count])
-    rest = search.backward([term for term in terms if term not in beside])
-    return rest if fit.rmse_with(rest) < _AS_GOOD * fit.rmse_with(terms) else terms
+    return refit(best, best.terms)
 
 
 def _at_best_motion(problem: Problem, fit: Fit) -> Fit:
