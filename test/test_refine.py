@@ -26,8 +26,11 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import Breakaway
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.recorded_drive.given import Given, with_current_limit
-from friction_comp.recorded_drive.refine_recordings import showing_friction
+from friction_comp.recorded_drive.refine_recordings import (
+    Given,
+    showing_friction,
+    with_current_limit,
+)
 from friction_comp.recordings import read_recording, read_recording_with_info, write_samples
 from friction_comp.refinement import refine
 from friction_comp.refinement.judge import Finding, verdict_of

@@ -30,7 +30,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.nodes.goal_server import GoalServer
 from friction_comp.recorded_drive.child import Refined, RefinementProcess
-from friction_comp.recorded_drive.given import Given
+from friction_comp.recorded_drive.refine_recordings import Given
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.ros import node_parts as parts
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES

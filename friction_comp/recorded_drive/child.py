@@ -17,7 +17,7 @@ import traceback
 from typing import Any, NoReturn, TYPE_CHECKING
 
 from friction_comp.errors import InputError, one_line
-from friction_comp.recorded_drive.given import Given
+from friction_comp.recorded_drive.refine_recordings import Given
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel

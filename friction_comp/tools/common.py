@@ -22,7 +22,7 @@ from typing import Any, NoReturn, TYPE_CHECKING, TypeVar
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, encodable, file_names, output_folder
-from friction_comp.recorded_drive.given import Given
+from friction_comp.recorded_drive.refine_recordings import Given
 from friction_comp.results import Page, write_report
 from friction_comp.tables.columns import Column, Layout, without_time
 from friction_comp.tables.table_files import is_table, Table

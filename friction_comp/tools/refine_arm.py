@@ -12,8 +12,13 @@ from friction_comp.errors import InputError
 from friction_comp.files import output_folder, read_yaml
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import joints_of, write_arm
-from friction_comp.recorded_drive.given import drive_of, with_current_limit
-from friction_comp.recorded_drive.refine_recordings import assumed_in, notes_on, showing_friction
+from friction_comp.recorded_drive.refine_recordings import (
+    assumed_in,
+    drive_of,
+    notes_on,
+    showing_friction,
+    with_current_limit,
+)
 from friction_comp.recordings.reader import read_arm
 from friction_comp.refinement import Origin
 from friction_comp.reports.other_pages import arm_page

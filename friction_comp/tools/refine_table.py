@@ -13,7 +13,7 @@ import numpy as np
 from friction_comp.errors import errors_name, InputError
 from friction_comp.identification.curves import fit_steady_states, SteadyStates
 from friction_comp.number_text import in_own_units
-from friction_comp.recorded_drive.given import drive_of, figures_unit
+from friction_comp.recorded_drive.refine_recordings import drive_of, figures_unit
 from friction_comp.refinement import thresholds
 from friction_comp.reports.other_pages import steady_state_page, steady_state_rows
 from friction_comp.reports.refinement_page import next_steps, Row, step_lines, table_lines
