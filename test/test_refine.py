@@ -89,8 +89,7 @@ def test_report_has_what_is_promised(folder, drive):
     for side in ('before', 'after'):
         assert set(report[side]) == {
             'model', 'fit_rmse', 'held_out_rmse', 'held_out_max', 'held_out_r2',
-            'worst_part_rmse', 'standstill_rmse', 'overall_rmse', 'elsewhere_rmse',
-            'elsewhere_motion_rmse', 'part_rmse'}
+            'worst_part_rmse', 'standstill_rmse', 'elsewhere_rmse', 'elsewhere_motion_rmse'}
     assert [effect['variable'] for effect in report['effects']] == ['position']
     assert report['effects'][0]['held_out_rmse'] < 0.8 * report['before']['held_out_rmse']
     assert report['after']['held_out_rmse'] < 1.3 * drive.noise_floor

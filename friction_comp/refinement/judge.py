@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 import functools
-from itertools import combinations
 import math
 import re
 from typing import Any
@@ -66,8 +65,7 @@ def errors_of(rows: Rows, predicted: Predicted, name: str, least: float = 0.0) -
     block = rows.block_of_sample[moving]
     squares = np.array([np.mean(errors[block == k] ** 2) for k in np.unique(block)])
     variance = float(np.var(rows.target[moving]))
-    error, overall = rms(errors), rms(held_out)
-    scatter = float(np.std(squares)) / math.sqrt(max(len(squares) - 1, 1))
+    error, scatter = rms(errors), float(np.std(squares)) / math.sqrt(max(len(squares) - 1, 1))
     elsewhere = max(math.sqrt(error ** 2 + scatter), least)
     extra = (elsewhere ** 2 - error ** 2) * float(np.mean(moving))
     return Errors(
@@ -75,9 +73,9 @@ def errors_of(rows: Rows, predicted: Predicted, name: str, least: float = 0.0) -
         held_out_max=float(np.max(np.abs(errors))),
         held_out_r2=1.0 - float(np.mean(errors ** 2)) / variance if variance > 0.0 else 0.0,
         worst_part_rmse=math.sqrt(float(squares.max())),
-        standstill_rmse=rms(still) if still.size else None, overall_rmse=overall,
-        elsewhere_rmse=max(math.sqrt(overall ** 2 + extra), elsewhere),
-        elsewhere_motion_rmse=elsewhere, part_rmse=np.sqrt(squares).tolist())
+        standstill_rmse=rms(still) if still.size else None,
+        elsewhere_rmse=max(math.sqrt(rms(held_out) ** 2 + extra), elsewhere),
+        elsewhere_motion_rmse=elsewhere)
 
 
 def error_by_steps(raw: Samples, refined: Predicted, usable: np.ndarray) -> float:
@@ -254,20 +252,15 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
 
 def _findings_on_signs(fit: Fit) -> Iterator[Finding]:
     code = friction_would_push(fit.rows)
-    if code == 'pushes':
+    # Without friction, nothing tells the sign of a current.
+    if code == 'pushes' or (code and friction_shows(fit)):
         yield Finding(
             'wrong_sign', 'Friction would have to push to explain the current: the current is a '
             "controller's response, something that was not recorded moves the joint, or the sign "
             'of effort or position is reversed.', AGAIN,
-            'check the signs of effort and position, and that effort is measured; follow a '
-            'trajectory with a softer or a position controller')
-    # Without friction, nothing tells the sign of a current.
-    elif code and friction_shows(fit):
-        yield Finding(
-            'wrong_sign', 'The motor brakes the motion: only with its sign reversed is the current '
-            'that of a drive with friction. Effort or position has the wrong sign, or another '
-            'torque drives the joint.', AGAIN,
-            'the same with the sign of effort reversed (--unit effort=-1Nm or current=-1A)')
+            'check the signs of effort and position (--unit effort=-1Nm or current=-1A reverses '
+            'one), and that effort is measured; follow a trajectory with a softer or a position '
+            'controller')
     values = fit.table.coefficients(fit.terms)
     for term in fit.terms:
         if term.group:
@@ -536,8 +529,6 @@ _FLIPS, _FEW_FLIPS, _CHANCE = 1500, 50, 0.001
 _OUTLYING = 8.0
 _SINGLE = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
            'load': 12, 'temperature': 10}
-# Ranges of each of two variables.
-_OF_PAIR = 8
 _FEWEST_BLOCKS, _MOST_BLOCKS = 20, 400
 
 
@@ -546,8 +537,8 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
     """Return the variables that a residual, shape (N,), still depends on, the strongest first.
 
     Each dependence is subtracted before the next is searched for, so that a variable is reported
-    only if it explains a part that others do not; then pairs of variables are tried. The samples
-    are in motion; `slowest` is the speed of standstill, rad/s.
+    only if it explains a part that others do not. The samples are in motion; `slowest` is the speed
+    of standstill, rad/s.
     """
     limit = _OUTLYING * float(robust_std(residual)) + 1e-300
     values = np.clip(residual, -limit, limit)
@@ -572,16 +563,14 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
             strength, name = share_of_means(values, cells['time']), 'time'
         if strength * share < thresholds.LEAST_STRENGTH:
             break
-        dependences.append(_dependence(name, strength * share, values, name, slow))
+        size = math.sqrt(strength * share * float(np.mean(values ** 2)))
+        how = ('change so slowly that the recording is too short to tell with what' if slow else
+               f'depend on {name}, in a way that no effect of the package describes')
+        dependences.append(Dependence(
+            name, strength * share, f'about {size:.2g} A RMS of the remaining error {how}'))
         cell = cells.pop(name)
         mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
         values = values - mean[cell]
-    share = float(values @ values) / power
-    pair, strength = _strongest_pair(values, signals, side)
-    if strength * share > 2.0 * thresholds.LEAST_STRENGTH:
-        known = {item.variable for item in dependences}
-        dependences += [_dependence(name, strength * share, values, ' and '.join(pair))
-                        for name in pair if name not in known]
     return sorted(dependences, key=lambda item: -item.strength)
 
 
@@ -637,20 +626,6 @@ def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.nd
     return cell if name == 'acceleration' else 2 * cell + side
 
 
-def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray
-                    ) -> tuple[tuple[str, ...], float]:
-    """Return the two variables that together explain most, and the share that they explain."""
-    ranges = {name: _ranges(signals[name], _OF_PAIR) for name in _SINGLE
-              if name in signals and name != 'history'}
-    block, _ = _blocks(values)
-    best: tuple[float, tuple[str, ...]] = (0.0, ())
-    for names in combinations(ranges, 2):
-        cell = 2 * (_OF_PAIR * ranges[names[0]] + ranges[names[1]]) + side
-        cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
-        best = max(best, (explained_share(values, cell, block), names))
-    return best[1], best[0]
-
-
 def share_of_means(values: np.ndarray, cells: np.ndarray) -> float:
     """Return the share of a residual's power in the means of its cells."""
     total = np.bincount(cells, values)
@@ -667,15 +642,6 @@ def _blocks(values: np.ndarray) -> tuple[np.ndarray, bool]:
     longest = size // _FEWEST_BLOCKS
     length = max(2 * memory, size // _MOST_BLOCKS)
     return np.arange(size) // max(2, min(length, longest)), memory <= longest
-
-
-def _dependence(name: str, strength: float, values: np.ndarray, label: str, slow: bool = False
-                ) -> Dependence:
-    """Return the dependence on a variable; `label` names it, or a pair, in the note."""
-    size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
-    how = ('change so slowly that the recording is too short to tell with what' if slow else
-           f'depend on {label}, in a way that no effect of the package describes')
-    return Dependence(name, strength, f'about {size:.2g} A RMS of the remaining error {how}')
 
 
 def _ranges(values: np.ndarray, count: int, tails: tuple[float, ...] = ()) -> np.ndarray:

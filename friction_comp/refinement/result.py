@@ -52,10 +52,8 @@ class Errors:
     held_out_r2: float  # share of the variance that is explained
     worst_part_rmse: float  # of the regime with the largest error
     standstill_rmse: float | None  # at and near standstill; null if there is none
-    overall_rmse: float  # held out, with standstill
     elsewhere_rmse: float  # to expect on another recording, with standstill
     elsewhere_motion_rmse: float  # the same in motion only
-    part_rmse: list[float]  # of each regime
 
 
 @dataclass(frozen=True)
