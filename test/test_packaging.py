@@ -31,7 +31,7 @@ SLOW = ('numba', 'scipy', 'matplotlib', 'rosbags', 'rclpy', 'rich')
 # Where rosdep's key is not `python3-` and the name: the others come with the package named.
 ROSDEP_KEYS = {
     'ament_index_python': 'ament_index_python', 'cycler': 'python3-matplotlib',
-    'markdown_it': 'python3-rich', 'lz4': 'mcap-ros2-support', 'mcap': 'mcap-ros2-support',
+    'markdown_it': 'python3-rich', 'mcap': 'mcap-ros2-support',
     'rosbags': 'python3-rosbags-pip', 'zstandard': 'mcap-ros2-support'}
 # Extras for pip, dependencies of the tests for rosdep.
 OPTIONAL = {'pinocchio', 'pyarrow', 'h5py', 'mujoco', 'distributed'}
