@@ -200,7 +200,7 @@ def well() -> str:
         ['a real UR10e, joint 2: error on a recording that was not fitted',
          f'{number(real["error"])} A',
          f'{number(real["plain"])} A with Coulomb and viscous friction'],
-        ['friction that a hand feels, moving to and fro at 0.6 Hz with the direction known; eight '
+        ['friction that a hand feels, moving to and fro at 0.6 Hz with the direction known; seven '
          'simulated gears, median (worst)', felt['announced'],
          f'{felt["tanh"]} with 0.9 · Coulomb · tanh; 100 % without help'],
         ['the demo: torque to set the joint in motion', peak['refined'],
