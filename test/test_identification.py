@@ -166,56 +166,40 @@ def test_at_the_lowest_rate_the_documented_speeds_are_driven_and_what_is_too_sho
 
 # What is no fault.
 
-def scaled(factor, place):
+def at(place, change, velocity=True):
+    """Return what changes one value of each sample; the velocity may not be measured."""
     def alter(run, sample):
-        sample[place] *= factor
-        return sample
+        sample[place] = change(sample[place])
+        return sample if velocity else [*sample[:2], math.nan, sample[3]]
     return alter
+
+
+def scaled(factor, place):
+    return at(place, lambda value: factor * value)
+
+
+def noisy(size, seed=5, factor=1.0, smoothing=1.0):
+    """Return what adds noise to values behind a filter."""
+    random, smooth = np.random.default_rng(seed), 0.0
+
+    def change(value):
+        nonlocal smooth
+        smooth += smoothing * (value - smooth)
+        return factor * (smooth + size * random.normal())
+    return change
+
+
+def low_pass(time_constant, step=STEP):
+    return noisy(0.0, smoothing=-math.expm1(-step / time_constant))
 
 
 def without_small_ones(dead):
-    """The current of a drive with a dead band, A."""
-    def alter(run, sample):
-        sample[3] = math.copysign(max(abs(sample[3]) - dead, 0.0), sample[3])
-        return sample
-    return alter
+    """Return what a drive makes of currents that has a dead band, A."""
+    return lambda value: math.copysign(max(abs(value) - dead, 0.0), value)
 
 
-def shifted(run, sample):
-    sample[3] += 0.05
-    return sample
-
-
-def noisy(scale, factor=1.0, smoothing=1.0):
-    """The current with noise, behind a filter, and no velocity."""
-    random, smooth = np.random.default_rng(5), [0.0]
-
-    def alter(run, sample):
-        smooth[0] += smoothing * (sample[3] - smooth[0])
-        return [*sample[:2], math.nan, factor * (smooth[0] + scale * random.normal())]
-    return alter
-
-
-def trembling():
-    random = np.random.default_rng(7)
-
-    def alter(run, sample):
-        sample[1] += 2e-6 * random.normal()
-        return sample
-    return alter
-
-
-def low_pass(place, time_constant, step=STEP):
-    """A velocity, or a position, behind a low pass."""
-    seen = [0.0]
-
-    def alter(run, sample):
-        seen[0] -= (sample[place] - seen[0]) * math.expm1(-step / time_constant)
-        sample[place] = seen[0]
-        if place == 1:
-            sample[2] = math.nan
-        return sample
-    return alter
+def in_counts(step):
+    return lambda position: math.floor(position / step) * step
 
 
 def late_sensors():
@@ -225,13 +209,6 @@ def late_sensors():
         past.append(sample[1:3])
         sample[1:3] = past[-2:][0]
         return sample
-    return alter
-
-
-def counted(step, velocity=True):
-    def alter(run, sample):
-        sample[1] = math.floor(sample[1] / step) * step
-        return sample if velocity else [*sample[:2], math.nan, sample[3]]
     return alter
 
 
@@ -252,14 +229,15 @@ FINE, COARSE = 2 ** 20, math.radians(0.2)
 
 
 @pytest.mark.parametrize(('changes', 'error'), [
-    ({'alter': low_pass(2, 0.06)}, 0.03), ({'alter': late_sensors()}, 0.03),
-    ({'alter': low_pass(1, 0.025, 2e-3), 'step': 2e-3}, 0.03), ({'alter': shifted}, 0.5),
-    ({'alter': trembling(), 'step': 2e-3, 'drive': Drive(0.119, 100.0, FINE)}, 0.05),
-    ({'alter': noisy(0.02, 1.0, 0.33), 'step': 2e-3, 'seed': 4}, 0.05), ({'alter': lossy()}, 0.03),
+    ({'alter': at(2, low_pass(0.06))}, 0.03), ({'alter': late_sensors()}, 0.03),
+    ({'alter': at(1, low_pass(0.025, 2e-3), False), 'step': 2e-3}, 0.03),
+    ({'alter': at(3, lambda current: current + 0.05)}, 0.5), ({'alter': lossy()}, 0.03),
+    ({'alter': at(1, noisy(2e-6, 7)), 'step': 2e-3, 'drive': Drive(0.119, 100.0, FINE)}, 0.05),
+    ({'alter': at(3, noisy(0.02, smoothing=0.33), False), 'step': 2e-3, 'seed': 4}, 0.05),
     # The current comes 8 to 24 ms after the command.
     ({'late': 2}, 0.05), ({'late': 6}, 0.05),
     # A coarse encoder shows no speed in a single count.
-    ({'alter': counted(COARSE, False), 'step': 2e-3,
+    ({'alter': at(1, in_counts(COARSE), False), 'step': 2e-3,
       'drive': Drive(11.9, 1.0, round(2.0 * math.pi / COARSE))}, 0.04)])
 def test_what_is_no_fault_is_tolerated(changes, error):
     """Filters, delays, offsets, a rotor that trembles by many counts, noise, and losses."""
@@ -289,7 +267,7 @@ def test_lag_and_gravity_shift_the_currents_of_both_directions_alike():
 
 def test_presliding_of_an_encoder_coarser_than_stated_is_not_made_up():
     drive = replace(note_model(1).drive, encoder_counts=4000)
-    assert Bench(counted(2.0 * math.pi / (200 * drive.gear_ratio)), drive=drive
+    assert Bench(at(1, in_counts(2.0 * math.pi / (200 * drive.gear_ratio))), drive=drive
                  ).finish().presliding is None
 
 
@@ -374,9 +352,9 @@ def test_goals_that_make_no_sense_are_refused(entry, value, word):
     *(({'alter': scaled(factor, 3), 'late': 30}, words) for factor, words in (
         (10.0, 'another unit'), (-1.0, 'wrong sign'), (0.0, 'not measured'))),
     # A dead band of a drive is no wrong unit.
-    *(({'alter': without_small_ones(dead)}, 'dead band') for dead in (0.02, 0.3)),
+    *(({'alter': at(3, without_small_ones(dead))}, 'dead band') for dead in (0.02, 0.3)),
     # Noise that hides the current; states that come too seldom.
-    ({'alter': noisy(1.0), 'step': 1e-3}, 'too noisy'),
+    ({'alter': at(3, noisy(1.0), False), 'step': 1e-3}, 'too noisy'),
     ({'alter': lambda run, sample: [2.0 * sample[0], sample[1], math.nan, sample[3]],
       'step': 0.01}, '50 times per second; .* takes 100')])
 def test_wrong_units_and_signs_are_found_before_the_joint_is_driven_far(changes, words):
@@ -390,7 +368,7 @@ def test_wrong_units_and_signs_are_found_before_the_joint_is_driven_far(changes,
     (0.4, 0.001), (-3.0, 0.001)])
 def test_the_first_push_reveals_any_factor_and_sign_of_effort(factor, noise):
     """Noise is scaled as well; the velocity is not measured at all."""
-    bench = Bench(noisy(noise, factor))
+    bench = Bench(at(3, noisy(noise, factor=factor), False))
     bench.refused('effort')
     assert bench.farthest < math.radians(1.0)
     # Friction takes 0.1 A.
