@@ -84,7 +84,7 @@ class Tree:
 
         Position, velocity and acceleration have the same shape; rad or m, and s.
         """
-        from friction_comp.model.rigid_bodies import joint_torques
+        from friction_comp.model.compiled import joint_torques
 
         q, v, a = (np.ascontiguousarray(values, dtype=float) for values in (q, v, a))
         result = np.empty(q.shape)

@@ -288,7 +288,7 @@ class Effect(ABC):
         time, position, velocity = (np.ascontiguousarray(values, dtype=float) for values in (
             samples.time, samples.position, samples.velocity))
         if len(samples) > _SHORT:
-            from friction_comp.model.effects.compiled_states import all_states, KINDS, Memory
+            from friction_comp.model.compiled import all_states, KINDS, Memory
 
             if cls.name in KINDS:
                 own = {name: getattr(c, name) for name in Memory._fields if hasattr(c, name)}

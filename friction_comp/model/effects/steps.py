@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How states with memory move from one sample to the next, in plain arithmetic: see `Effect.step`.
 
-So they run for one sample and, compiled, for a long recording.
+So they run for one sample and, in `model.compiled`, for a long recording.
 """
 
 from __future__ import annotations
