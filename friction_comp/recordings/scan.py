@@ -306,7 +306,7 @@ class _Reader:
         """Add a message, received at a time in ns; raises an error if it makes no sense."""
         names, columns = _content(message)
         shape = *names, *map(len, columns)
-        if len(names) > _MOST_NAMES or len(columns) > _MOST_NAMES:
+        if max(len(names), len(columns)) > _MOST_NAMES or receive >= 2 ** 63:
             raise ValueError
         stamp = message.header.stamp if hasattr(message, 'header') else None
         self._rows.setdefault((len(names), shape), []).append((
