@@ -112,11 +112,6 @@ def number(**bounds: float) -> Reader:
     return lambda value, name: check_number(value, name, **bounds)
 
 
-def whole_number(**bounds: float) -> Reader:
-    """Return a reader of a whole number within bounds, see `check_whole_number`."""
-    return lambda value, name: check_whole_number(value, name, **bounds)
-
-
 def listed(item: Reader) -> Reader:
     """Return a reader of a list, to a tuple; nothing is an empty one."""
     return lambda value, name: tuple(item(one, name) for one in check_list(value, name))

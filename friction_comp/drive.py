@@ -6,8 +6,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import Any
 
-from friction_comp.checks import check_number, Checked, number, stated, whole_number
+from friction_comp.checks import check_number, Checked, number, stated
+
+
+def _as_written(value: Any, name: str) -> Any:
+    check_number(value, name, above=0.0)
+    return value
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class Drive(Checked):
 
     torque_constant: float = stated(number(above=0.0))
     gear_ratio: float = stated(number(above=0.0))
-    encoder_counts: int | None = stated(whole_number(least=1), None)
+    encoder_counts: int | None = stated(_as_written, None)
     current_limit: float = stated(number(above=0.0), 3.0)
 
     def __post_init__(self) -> None:
