@@ -18,8 +18,8 @@ COUNTS = (0.0, 1023.0)
 class Hand:
     """A sensor of one joint, sampled 100 times per second, and the joint."""
 
-    def __init__(self, seed=5):
-        self.random = np.random.default_rng(seed)
+    def __init__(self):
+        self.random = np.random.default_rng(5)
         self.source = ForceDirection(COUNTS)
         self.time, self.position = 0.0, 0.0
 
@@ -33,13 +33,13 @@ class Hand:
     def feel_all(self, values):
         return [self.feel(value) for value in values]
 
-    def calibrated(self, rest=500.0):
-        self.feel_all([rest] * 20)
+    def calibrated(self):
+        self.feel_all([500.0] * 20)
         self.source.begin_calibration()
-        assert not any(self.feel_all([rest] * (round(100 * CALIBRATION_TIME) + 2)))
+        assert not any(self.feel_all([500.0] * (round(100 * CALIBRATION_TIME) + 2)))
         assert not self.source.calibrating
         assert not self.source.failure
-        assert not any(self.feel_all([rest] * 40))
+        assert not any(self.feel_all([500.0] * 40))
         return self
 
     @property
@@ -173,25 +173,20 @@ def test_a_faulty_sensor_announces_nothing_and_is_told(fault):
 
 # Plans.
 
-def planned(plan, time, position=None):
-    place = plan.path(time) if position is None else position
-    return [(one.direction, one.end) for one in plan.source.at(time, np.array(place))]
-
-
 class Plan:
     """A plan of two joints, of which one is the node's, and where it should be."""
 
-    def __init__(self, times, positions, begin=0.0, tolerance=0.2, announcement=0.5):
-        self.source = PlannedDirection(['elbow'], announcement, tolerance)
+    def __init__(self, times, positions, tolerance=0.2):
+        self.source = PlannedDirection(['elbow'], 0.5, tolerance)
         self.times, self.positions = np.array(times, float), np.array(positions, float)
         both = np.column_stack([np.zeros(len(times)), self.positions])
-        self.source.take(['other', 'elbow'], times, both, 0.0, begin, self.positions[:1])
-
-    def path(self, time):
-        return [np.interp(time, self.times, self.positions)]
+        self.source.take(['other', 'elbow'], times, both, 0.0, 0.0, self.positions[:1])
 
     def direction(self, time, position=None):
-        return planned(self, time, position)[0]
+        """Return direction and end at a time, at the plan's position or another."""
+        place = [np.interp(time, self.times, self.positions)] if position is None else position
+        said, = self.source.at(time, np.array(place))
+        return said.direction, said.end
 
 
 def test_a_dense_plan_is_announced_ahead_changes_at_the_turn_and_ends_before_the_rest():
@@ -235,11 +230,11 @@ def test_an_unusable_plan_is_refused_and_leaves_none(times, positions, words):
 
 # Leaders and references.
 
-def led(desired, positions=None, rate=100.0, step=None, **options):
+def led(desired, positions=None, step=None):
     """Return what is announced for a stream of desired positions."""
-    source, said = DesiredMotion(**options), []
+    source, said = DesiredMotion(), []
     for k, value in enumerate(desired):
-        time = k / rate
+        time = 0.01 * k
         if step:
             value = step * round(value / step)
         source.motion.add(time, value if positions is None else positions[k])

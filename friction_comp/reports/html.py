@@ -72,9 +72,9 @@ class Report:
         """Name and text of every figure on the page, in the order in which they stand there."""
         return [(name, _plain(text)) for name, text in _VALUE.findall('\n'.join(self._parts))]
 
-    def heading(self, text: str, level: int = 2) -> None:
-        """Begin a section (level 2) or a subsection (level 3)."""
-        self._parts.append(f'<h{level}>{_inline(text)}</h{level}>')
+    def heading(self, text: str) -> None:
+        """Begin a section."""
+        self._parts.append(f'<h2>{_inline(text)}</h2>')
 
     def text(self, text: str) -> None:
         """Add paragraphs, which empty lines separate."""

@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature')
 
 
-def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement, duration: float,
-                reference_period: float = 0.01) -> dict[str, np.ndarray]:
+def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement, duration: float
+                ) -> dict[str, np.ndarray]:
     """Run a plant under a compensation law for `duration` s while a person follows a movement.
 
     Per sample, in this order: the law turns the plant's latest state into a command, then the plant
     holds that command over the sample. The nodes in lockstep do the same and give the same numbers.
-    The movement is shown to the person in samples `reference_period` apart; all joints follow it.
+    The movement is shown to the person in samples 10 ms apart; all joints follow it.
     Returns arrays by name: ``time`` (N,) and, of shape (N, J), `SIGNALS`, ``command``,
     ``direction`` and the reference: the state at each time and the command that it led to.
     """
     count = round(duration / plant.sample_time)
-    every = max(1, round(reference_period / plant.sample_time))
+    every = max(1, round(0.01 / plant.sample_time))
     shape = (count, plant.joints)
     log: dict[str, np.ndarray] = {name: np.zeros(shape) for name in SIGNALS + (
         'command', 'direction', 'reference_position', 'reference_velocity')}
