@@ -19,8 +19,7 @@ from cheap_sensors import CheapForce
 import numpy as np
 
 from friction_comp import CompensationLaw
-from friction_comp.direction.announced import DesiredMotion
-from friction_comp.direction.force_sensor import CALIBRATION_TIME, ForceDirection
+from friction_comp.direction.sources import CALIBRATION_TIME, DesiredMotion, ForceDirection
 from law_judge.bank import Bank, Joints, true_models
 from world import gear as world
 from world.person import nobody

@@ -176,11 +176,12 @@ def said() -> str:
 
 def demo() -> str:
     """Return the demo's table."""
-    from friction_comp.demo.scenes import TRIALS
     from friction_comp.number_text import number
 
-    numbers, titles = stored('demo'), {name: title for name, title, *_ in TRIALS}
-    errors = dict(zip(('compensated', 'refined'), numbers['residual']))
+    numbers = stored('demo')
+    titles = {'none': 'no compensation', 'kinetic': 'kinetic friction only, d = 0',
+              'continuous': 'identified model, d = ±1', 'refined': 'refined model, d = ±1'}
+    errors = dict(zip(('continuous', 'refined'), numbers['residual']))
     return rows(['', 'peak, N·m', 'RMS, N·m', 'current error, mA'], [
         [titles[name], '> ' * (stuck > 0) + number(peak), number(rms),
          number(1e3 * errors[name]) if name in errors else '']
@@ -318,8 +319,13 @@ def pages() -> list[Path]:
 # What is stored of a command's report.json, beside the command.
 
 def _demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
-    return {'trials': {trial['name']: [trial['peak_torque'], trial['rms_torque'], trial['stuck']]
-                       for trial in report['trials']},
+    trials: dict[str, list[dict[str, Any]]] = {}
+    for one in report['conditions']:
+        refined = one['law'] == 'continuous' and 'refined' in (one['model'] or '')
+        trials.setdefault('refined' if refined else one['law'], []).append(one)
+    return {'trials': {name: [sum(one[key] for one in own) / len(own) for key in (
+                'peak_torque', 'rms_torque')] + [sum(one['stuck'] for one in own)]
+                       for name, own in trials.items()},
             'residual': [report['residual']['before'], report['residual']['after']]}
 
 

@@ -8,8 +8,13 @@ from cheap_sensors import CheapForce, FAULTS
 import numpy as np
 import pytest
 
-from friction_comp.direction.announced import DesiredMotion, PlannedDirection
-from friction_comp.direction.force_sensor import CALIBRATION_TIME, ChangeTest, ForceDirection
+from friction_comp.direction.sources import (
+    CALIBRATION_TIME,
+    ChangeTest,
+    DesiredMotion,
+    ForceDirection,
+    PlannedDirection,
+)
 from friction_comp.errors import InputError
 
 COUNTS = (0.0, 1023.0)

@@ -11,8 +11,12 @@ import yaml
 
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
-from friction_comp.exercise.exercise_script import exercise_of, load_exercise, ReferenceMovement
-from friction_comp.exercise.taught_exercise import teach
+from friction_comp.exercise.exercise_script import (
+    exercise_of,
+    load_exercise,
+    ReferenceMovement,
+    teach,
+)
 from friction_comp.files import write_yaml
 from friction_comp.package_files import package_file
 from friction_comp.recordings import write_samples

@@ -13,20 +13,18 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from friction_comp.arm.fit import ArmResult
-from friction_comp.evaluation.conditions import evaluate
+from friction_comp.evaluation.conditions import Evaluation
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.number_text import number, quantity
-from friction_comp.refinement.result import FoundEffect, RefineResult
+from friction_comp.refinement.result import RefineResult
 from friction_comp.reports import refinement_page
+from friction_comp.reports.evaluation_page import evaluation_page
 from friction_comp.reports.figures import (
-    band,
     COLOURS,
     curve,
     INK,
     legend,
     panels,
     shade_directions,
-    shade_waiting,
     styled,
     thin,
     zero,
@@ -35,69 +33,22 @@ from friction_comp.reports.html import Report, value
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
-# Of the trials of the main scene, and of the hand's ways, in their order.
-_TRIAL_COLOURS = ('no help', 'unknown', 'known', 'refined')
+# Of the hand's ways, in their order.
 _HAND_COLOURS = ('no help', 'other', 'unknown', 'known')
 
 
 # The main scene.
 
-class EvaluatedTrial:
-    """One recorded trial, evaluated on its own; `title` is its name on the page."""
-
-    def __init__(self, name: str, title: str, samples: Samples) -> None:
-        self.name, self.title = name, title
-        self.evaluation = evaluate([samples], [name])
-        conditions = self.evaluation.conditions
-        # Means over both movements, N·m. Where the joint was stuck, the peak is a lower bound.
-        self.peak_torque = float(np.mean([c.peak_torque for c in conditions]))
-        self.rms_torque = float(np.mean([c.rms_torque for c in conditions]))
-        self.stuck = sum(c.stuck for c in conditions)
-        self.false_starts = sum(c.false_starts for c in conditions)
-
-    @property
-    def peak(self) -> str:
-        """Peak torque in N·m as text."""
-        return '> ' * (self.stuck > 0) + number(self.peak_torque)
-
-    @property
-    def shown_peak(self) -> str:
-        """Peak torque with its unit, as a value of the page."""
-        return value(f'peak, {self.title}', f'{self.peak} N·m')
-
-
-def residuals(refined: RefineResult) -> tuple[float, float]:
-    """Return the model's error on data not fitted before and after refinement, A."""
-    return refined.report.before.held_out_rmse, refined.report.after.held_out_rmse
-
-
-def demo_page(trials: list[EvaluatedTrial], refined: RefineResult, model: FrictionModel,
+def loop_page(evaluation: Evaluation, refined: RefineResult, model: FrictionModel,
               undeclared: str | Path) -> Report:
-    """Return the page.
+    """Return the page of `evaluate` with what was identified and refined.
 
-    The four trials are without compensation, with the kinetic term, compensated, and with the
-    refined model. `model` is the identified one; `undeclared` has what only the simulation knew.
+    `model` is the identified one; `undeclared` has what only the simulation knew.
     """
-    _, kinetic, compensated, last = trials
     report = refined.report
-    before, after = (value(name, quantity(error, 'A')) for name, error in zip(
-        ('error before', 'error'), residuals(refined)))
-    page = Report('The whole loop, on a simulated joint',
-                  'Identify, compensate, evaluate, refine, compensate again')
-    page.verdict(_summary(trials, report.effects))
-    page.numbers([(kinetic.shown_peak, 'to start the joint, direction unknown'),
-                  (compensated.shown_peak, 'with the direction known'),
-                  (last.shown_peak, 'with the refined model as well'),
-                  (f'{before} → {after}', 'error of the model, by refinement')])
-    errors = {'compensated': before, 'refined': after}
-    page.table(['', 'peak', 'RMS', 'error of the model'],
-               [[trial.title, trial.shown_peak, f'{number(trial.rms_torque)} N·m',
-                 errors.get(trial.name, '')] for trial in trials],
-               'Back-driving torque: peak of the average, and RMS during movement, mean of both '
-               'directions. Error: on data not fitted.')
-    page.figure(torque_figure(trials), 'Back-driving torque, mean over the repetitions, in the '
-                'positive direction above, in the negative below. Shaded: the person waits at the '
-                'target of the movement before, which is not counted.')
+    page = evaluation_page([evaluation])
+    page.title, page.subtitle = ('The whole loop, on a simulated joint',
+                                 'Identify, compensate, evaluate, refine, compensate again')
     page.heading('Identified')
     page.text('Constant velocities in both directions give the kinetic friction, and slow current '
               'ramps give the breakaway friction. The simulated joint also has effects that this '
@@ -105,6 +56,7 @@ def demo_page(trials: list[EvaluatedTrial], refined: RefineResult, model: Fricti
     page.figure(_identified_figure(model), 'Dots: look-up table; line: friction curve; squares: '
                 'breakaway, with its standard deviation.')
     page.heading('Found in the recording of the identification')
+    page.numbers([(value(key, text), name) for key, name, text in refinement_page.errors(report)])
     page.table(['', 'value', '95 % interval'],
                refinement_page.number_rows([
                    row for row in (*refinement_page.friction_rows(report.friction),
@@ -112,42 +64,6 @@ def demo_page(trials: list[EvaluatedTrial], refined: RefineResult, model: Fricti
                    if row.key != 'breakaway']))     # measured: in the figure above
     page.bullets(refinement_page.remarks(report))
     return page
-
-
-def _summary(trials: list[EvaluatedTrial], effects: list[FoundEffect]) -> str:
-    none, kinetic, compensated, last = trials
-    stuck = f' (the joint did not move in {none.stuck} of ' \
-        f'{sum(c.repetitions for c in none.evaluation.conditions)} movements)' if none.stuck else ''
-    refined = 'The recordings show no effect that the identified model lacks.'
-    if effects:
-        named = refinement_page.effect_names(effect.name for effect in effects)
-        refined = (f'With the effects that the recordings show in addition ({named}) it is '
-                   f'**{last.shown_peak}**.')
-    starts = sum(trial.false_starts for trial in trials)
-    return (
-        f'Without compensation the person needs **{none.shown_peak}**{stuck} to set the joint in '
-        f'motion. Compensating kinetic friction alone leaves {kinetic.shown_peak}, since the '
-        'direction of friction is unknown before the joint moves. With the direction known it is '
-        f'**{compensated.shown_peak}**. {refined} ' + (
-            f'In {starts} movements the joint started before the person pushed.' if starts else
-            'In no trial did the joint start by itself.'))
-
-
-@styled
-def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
-    """Draw the back-driving torque of all trials."""
-    figure, axes = panels(['torque + (N·m)', 'torque − (N·m)'], 'time since the movement began (s)',
-                          2.1, legend_rows=2)
-    for axis, movement in zip(axes, ('positive', 'negative')):
-        for trial, colour in zip(trials, _TRIAL_COLOURS):
-            for condition in trial.evaluation.conditions:
-                if condition.movement == movement:
-                    band(axis, condition.time, condition.torque, condition.torque_std, colour,
-                         trial.title)
-        zero(axis)
-        shade_waiting(axis, -1.0)
-    legend(axes[0], 2)
-    return figure
 
 
 @styled

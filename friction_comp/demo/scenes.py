@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 from dataclasses import replace
-from functools import partial
 import importlib.util
 import math
 from pathlib import Path
@@ -16,26 +15,21 @@ import numpy as np
 
 from friction_comp.arm.fit import refine_arm
 from friction_comp.demo import pages
-from friction_comp.demo.pages import (
-    demo_page,
-    EvaluatedTrial,
-    HandTrial,
-    residuals,
-    to_and_fro_page,
-)
+from friction_comp.demo.pages import HandTrial, to_and_fro_page
 from friction_comp.demo.processes import SAMPLE_TIME
 from friction_comp.demo.system import DemoSystem
 from friction_comp.errors import InputError
-from friction_comp.exercise.taught_exercise import teach
+from friction_comp.evaluation.conditions import evaluate_recordings
+from friction_comp.exercise.exercise_script import teach
 from friction_comp.files import to_yaml, write_atomically
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.number_text import aligned
 from friction_comp.package_files import package_file
 from friction_comp.parallel import child_process
 from friction_comp.recordings.reader import read_arm, read_recording
 from friction_comp.refinement import refine, RefineResult
+from friction_comp.reports.evaluation_page import terminal_lines
 from friction_comp.samples import Samples
 from friction_comp.terminal import progress
 
@@ -50,7 +44,7 @@ GOAL = {
 MOVEMENT: dict[str, Any] = {
     'amplitude': math.radians(40.0), 'speed': math.radians(30.0), 'acceleration_time': 0.5,
     'standstill': 1.2, 'announcement': 1.0}
-# Folder, name in the table, the compensator's law, and whether the direction is announced.
+# Folder, title, the compensator's law, and whether the direction is announced.
 TRIALS = (
     ('none', 'no compensation', 'none', False),
     ('kinetic', 'kinetic friction only, d = 0', 'kinetic', False),
@@ -60,14 +54,6 @@ TRIALS = (
 
 def play_loop(system: DemoSystem) -> None:
     """Identify, compensate, evaluate, refine, compensate again."""
-    trials: list[EvaluatedTrial] = []
-
-    def evaluate(count: int) -> None:
-        for name, title, *_ in TRIALS[len(trials):count]:
-            trial = EvaluatedTrial(name, title, recorded(system.recording(name)))
-            trials.append(trial)
-            system.log(f'{title}: peak {trial.peak} N·m, RMS {trial.rms_torque:.2f} N·m')
-
     with child_process() as process:
         model_file = _identify(system)
         # In a child process, while the joint is moved.
@@ -75,16 +61,22 @@ def play_loop(system: DemoSystem) -> None:
         # From now on, the joint's time advances only during an exercise.
         system.ros.set_parameter('plant', 'wait_for_reference', True)
         system.start('compensator', model_file, law='none', wait_for_direction=True)
-        for done, (name, title, law, announced) in enumerate(TRIALS):
+        for name, title, law, announced in TRIALS:
             if name == 'refined':
                 result = _load_refined(system, refining)
             system.ros.set_parameter('compensator', 'law', law)
-            system.record(name, f'trial: {title}', meanwhile=partial(evaluate, done),
-                          announce_direction=announced,
+            system.record(name, f'trial: {title}', announce_direction=announced,
                           repetitions=system.arguments.repetitions, **MOVEMENT)
     system.nodes.stop('compensator', 'plant')
-    evaluate(len(TRIALS))
-    _conclude(system, trials, result, model_file)
+    evaluation, = evaluate_recordings([system.recording(name) for name, *_ in TRIALS])
+    report = result.report
+    system.finish(
+        pages.loop_page(evaluation, result, FrictionModel.load(model_file), UNDECLARED),
+        {**evaluation.as_dict(), 'residual': {
+            'before': report.before.held_out_rmse, 'after': report.after.held_out_rmse,
+            'unit': 'A', 'noise_floor': report.noise_floor},
+         'effects': report.content()['effects']},
+        *terminal_lines(evaluation))
 
 
 def _identify(system: DemoSystem) -> Path:
@@ -111,34 +103,13 @@ def _load_refined(system: DemoSystem, refining: Future[RefineResult]) -> RefineR
     result = refining.result()
     path = system.output / 'models' / f'{JOINT}_refined.yaml'
     replace(result.model, joint=JOINT).save(path)
-    effects = ', '.join(f'{effect.name} ({effect.variable})'
-                        for effect in result.report.effects) or 'nothing'
-    before, after = residuals(result)
-    system.log(f'refined: {effects}; error {1e3 * before:.1f} → {1e3 * after:.1f} mA')
+    report = result.report
+    effects = ', '.join(f'{effect.name} ({effect.variable})' for effect in report.effects)
+    system.log(f'refined: {effects or "nothing"}; error {1e3 * report.before.held_out_rmse:.1f} → '
+               f'{1e3 * report.after.held_out_rmse:.1f} mA')
     system.log(f'loads {path.relative_to(system.output.parent)} into the running compensator')
     system.ros.set_parameter('compensator', 'model_files', [str(path)])
     return result
-
-
-def _conclude(system: DemoSystem, trials: list[EvaluatedTrial], result: RefineResult,
-              model_file: Path) -> None:
-    before, after = residuals(result)
-    effects = result.report.effects
-    errors = {'compensated': f'{1e3 * before:.3g}', 'refined': f'{1e3 * after:.3g}'}
-    table = aligned([['', 'peak (N·m)', 'RMS (N·m)', 'error (mA)'], *(
-        [trial.title, trial.peak, f'{trial.rms_torque:.2f}', errors.get(trial.name, '')]
-        for trial in trials)])
-    system.finish(
-        demo_page(trials, result, FrictionModel.load(model_file), UNDECLARED),
-        {'trials': [{'name': trial.name, 'peak_torque': trial.peak_torque,
-                     'rms_torque': trial.rms_torque, 'stuck': trial.stuck,
-                     'evaluation': trial.evaluation.as_dict()} for trial in trials],
-         'residual': {'before': before, 'after': after, 'unit': 'A',
-                      'noise_floor': result.report.noise_floor},
-         'effects': result.report.content()['effects']},
-        *table,
-        *(f'effect found: {effect.name} ({effect.variable})  {effect.in_words}'
-          for effect in effects))
 
 
 def recorded(path: Path) -> Samples:

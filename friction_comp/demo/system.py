@@ -74,19 +74,15 @@ class DemoSystem:
         self.nodes.start('recorder', {
             'output': self.recording(name), 'use_sim_time': True})
 
-    def record(self, name: str, title: str, times: int = 1,
-               meanwhile: Callable[[], object] = lambda: None, **exercise: Any) -> None:
-        """Record an exercise, some times; `meanwhile` is called while its nodes start."""
+    def record(self, name: str, title: str, **exercise: Any) -> None:
+        """Record an exercise."""
         self.log(title)
         self.start_recorder(name)
-        for k in range(times):
-            # Listeners are compensator and recorder, and the demo itself, when all is recorded.
-            self.start_exercise(wait_for_listeners=3, **exercise)
-            if k == 0:
-                meanwhile()
-            self.wait_for_recorder()
-            with self.ros.subscribed_to_direction():
-                self.follow(f'{title}, {k + 1} of {times}' if times > 1 else title)
+        # Listeners are compensator and recorder, and the demo itself, when all is recorded.
+        self.start_exercise(wait_for_listeners=3, **exercise)
+        self.wait_for_recorder()
+        with self.ros.subscribed_to_direction():
+            self.follow(title)
         self.nodes.stop('recorder')
 
     def recording(self, name: str) -> Path:

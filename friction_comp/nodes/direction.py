@@ -21,8 +21,13 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from friction_comp.control.joint_states import JointColumns
-from friction_comp.direction.announced import Announcement, DesiredMotion, PlannedDirection, SILENCE
-from friction_comp.direction.force_sensor import ForceDirection
+from friction_comp.direction.sources import (
+    Announcement,
+    DesiredMotion,
+    ForceDirection,
+    PlannedDirection,
+    SILENCE,
+)
 from friction_comp.errors import InputError
 from friction_comp.ros.joint_io import QOS, RELIABLE
 from friction_comp.ros.node_main import yield_to_executor
