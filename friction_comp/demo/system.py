@@ -126,7 +126,7 @@ class DemoSystem:
         seconds = time.monotonic() - self._start_time
         write_report(self.output, {**content, 'seconds': seconds}, page, self.arguments.command)
         for line in lines:
-            self._console.print(line)
+            self._console.print(line, soft_wrap=True)
         self._console.print(f'whole scene: {seconds:.0f} s')
         self._console.print(f'report: {self.output / "report.html"}', soft_wrap=True)
 
