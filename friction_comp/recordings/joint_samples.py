@@ -127,27 +127,26 @@ def to_samples(recording: Scan | TableRecording, joint: str | None, torque_per_c
 
 
 def usable_joints(recording: Scan | TableRecording, names: Iterable[str],
-                  torque_per_current: Callable[[str], float], notes: list[str] | None = None
+                  torque_per_current: Callable[[str], float] = lambda joint: 1.0
                   ) -> dict[str, tuple[Samples, RecordingInfo]]:
-    """Return the joints that are usable, and note the others; InputError if there is none."""
+    """Return the joints that are usable; the first one notes the others. InputError if none is."""
     read: dict[str, tuple[Samples, RecordingInfo]] = {}
-    reason = None
+    faults: list[InputError] = []
     wanted: list[str | None] = [*names] or [None]
     for name in wanted:
         try:
             entry = to_samples(recording, name, torque_per_current(name or ''))
         except InputError as error:
             # An arm is usable even if, for instance, its gripper has no effort.
-            reason = error
-            if notes is not None:
-                notes.append(f'left out: {error}')
+            faults.append(error)
             continue
         if entry[1].joint in read:
             raise InputError(f'{recording.path}: joint {entry[1].joint!r} is in several topics: '
                              f'name one with --joint: {", ".join(recording.joints)}')
         read[entry[1].joint] = entry
-    if not read and reason:
-        raise reason
+    if not read:
+        raise faults[-1]
+    next(iter(read.values()))[1].notes[:0] = [f'left out: {fault}' for fault in faults]
     return read
 
 

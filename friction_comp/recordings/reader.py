@@ -231,7 +231,7 @@ def _read_joint(recording: Recording, joint: str | None, torque_per_current: flo
     names = recording.siblings(joint) if others else []
     if len(names) > 1:
         samples = samples.with_(arm=joint_samples.joint_states_at(
-            samples, info, joint_samples.usable_joints(recording, names, lambda joint: 1.0)))
+            samples, info, joint_samples.usable_joints(recording, names)))
     return samples, info
 
 
@@ -266,10 +266,8 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
     with the notes on all. Raises InputError if the recording or a joint cannot be used.
     """
     recording, = _open_all(find_recording(path), progress, joint, layout)
-    notes: list[str] = []
-    read = ([joint_samples.to_samples(recording, joint, 1.0)] if joint is not None else
-            [*joint_samples.usable_joints(recording, recording.joints, lambda joint: 1.0, notes
-                                          ).values()])
+    read = [*joint_samples.usable_joints(
+        recording, recording.joints if joint is None else [joint]).values()]
     first = read[0][1]
     # In µs since the first joint's start: joints of several topics may begin at different times.
     times = [np.round(1e6 * (samples.time + (info.start - first.start))) for samples, info in read]
@@ -279,7 +277,7 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
                          'together')
     joints = [samples.take(np.searchsorted(time, common))
               for (samples, _), time in zip(read, times)]
-    first.notes = list(dict.fromkeys([*notes, *(note for _, info in read for note in info.notes)]))
+    first.notes = list(dict.fromkeys(note for _, info in read for note in info.notes))
     return [samples.with_(time=joints[0].time) for samples in joints], first
 
 
