@@ -164,7 +164,7 @@ class IdentificationRun(SupervisedRun):
         needed, say = self.push + self._accelerating_current(speed), self.supervision.say
         return self.goal.too_short(speed, self.supervision.step) or next((
             f'within {self.goal.motion_range:g} rad {why}: widen the range' for applies, why in (
-                (0.3 * self.goal.cycle(speed)[0] * slow < 5.0,
+                (0.3 * self.goal.cycle(speed)[0] * slow < 6.5,
                  f'its controller, of {slow:.0f} rad/s, does not settle'),
                 (needed > 0.9 * limit,
                  f'it would take about {say(needed)} to accelerate, more than 90 % of the current '
