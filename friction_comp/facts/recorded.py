@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from friction_comp.errors import InputError
 from friction_comp.facts.current import wrong_sign
 from friction_comp.facts.motion import glitches, impossible, turns_of, velocity_agreement
 from friction_comp.facts.timing import held_rows, rhythm
@@ -16,6 +17,15 @@ def moves(position: np.ndarray) -> bool:
     """Return whether a joint moved by more than 0.01 rad or m; positions, (N,), may be NaN."""
     position = position[np.isfinite(position)]
     return len(position) > 0 and bool(np.ptp(position) > 0.01)
+
+
+def usable(position: np.ndarray, current: np.ndarray, velocity: np.ndarray | None
+           ) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return which rows, (N,), are finite, and the velocity: None if it is mostly missing."""
+    rows = np.isfinite(position) & np.isfinite(current)
+    if velocity is None or not rows.any() or np.isfinite(velocity[rows]).mean() < 0.5:
+        return rows, None
+    return rows & np.isfinite(velocity), velocity
 
 
 def tidied(samples: Samples, notes: list[str]) -> tuple[Samples, np.ndarray]:
@@ -55,8 +65,8 @@ def tidied(samples: Samples, notes: list[str]) -> tuple[Samples, np.ndarray]:
     return samples, rows
 
 
-def implausible(samples: Samples, alone: bool = True) -> str:
-    """Return why samples are physically impossible; '' if nothing tells.
+def check_plausible(samples: Samples, where: object, alone: bool = True) -> None:
+    """Raise InputError if samples are physically impossible; `where` names the recording.
 
     Results from such recordings would look valid. `alone` says that no other joint of the recording
     moved: then the weight depends on the position alone, and the motor's mean power must be
@@ -68,4 +78,5 @@ def implausible(samples: Samples, alone: bool = True) -> str:
         agreement = velocity_agreement(samples.time, samples.position, velocity)
         fault = agreement.cause and agreement.fault + (
             ' (--unit says it, such as velocity=deg/s, velocity=turn/s or position=turn)')
-    return fault or wrong_sign(samples, alone)
+    if fault := fault or wrong_sign(samples, alone):
+        raise InputError(f'{where}: ' + f'joint {samples.joint!r}: ' * bool(samples.joint) + fault)

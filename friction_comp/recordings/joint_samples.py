@@ -12,7 +12,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.facts.motion import at_times
-from friction_comp.facts.recorded import implausible, moves, tidied
+from friction_comp.facts.recorded import check_plausible, moves, tidied, usable
 from friction_comp.facts.timing import gap_length
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.samples import JointStates, RecordingInfo, Samples
@@ -87,12 +87,7 @@ def to_samples(recording: Scan | TableRecording, joint: str | None, torque_per_c
         if not np.isfinite(signal).any():
             raise InputError(f'{scan.path}: {track.topic} contains no finite {name} of joint '
                              f'{joint!r}')
-    finite = np.isfinite(position) & np.isfinite(effort)
-    # Velocity may be empty; if it mostly is, it is ignored.
-    if finite.any() and np.isfinite(velocity[finite]).mean() >= 0.5:
-        finite &= np.isfinite(velocity)
-    else:
-        velocity = None
+    finite, velocity = usable(position, effort, velocity)
     order = _in_order(stamp, finite)
     if not len(order):
         raise InputError(f'{scan.path}: {track.topic} never has position and effort of joint '
@@ -121,8 +116,7 @@ def to_samples(recording: Scan | TableRecording, joint: str | None, torque_per_c
     samples = samples.with_(**_other_signals(scan, track, key, base, torque_per_current))
     alone = not any(moves(values[:, 0]) for other in scan.of('joint_states')
                     for values in other.values.values() if values is not own)
-    if fault := implausible(samples, alone):
-        raise InputError(f'{scan.path}: ' + f'joint {joint!r}: ' * bool(joint) + fault)
+    check_plausible(samples, scan.path, alone)
     return samples, info
 
 

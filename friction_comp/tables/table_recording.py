@@ -14,7 +14,7 @@ import numpy as np
 from friction_comp.checks import one_of
 from friction_comp.errors import errors_name, InputError
 from friction_comp.facts.motion import at_times, not_in_radians
-from friction_comp.facts.recorded import implausible, moves, tidied
+from friction_comp.facts.recorded import check_plausible, moves, tidied, usable
 from friction_comp.facts.timing import gap_length, not_in_seconds, unit_for
 from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.tables.columns import assign, Assignment, Column, Layout
@@ -80,15 +80,11 @@ class TableRecording:
         key = '' if use.joints == [''] else one_of(use.joints, joint, self.path)
         time, notes = self._time, list(use.notes)
         signals = self._signals(key, torque_per_current, notes)
-        velocity = signals.get('velocity')
-        needed = np.isfinite(time) & np.isfinite(signals['position'] + signals['current'])
-        if not needed.any():
+        finite, signals['velocity'] = usable(signals['position'], signals['current'] + time,
+                                             signals.get('velocity'))
+        rows = np.flatnonzero(finite)
+        if not len(rows):
             raise InputError(f'{self.path}: no row has time, position and effort')
-        if velocity is not None and np.isfinite(velocity[needed]).mean() < 0.5:
-            del signals['velocity']
-        elif velocity is not None:
-            needed &= np.isfinite(velocity)
-        rows = np.flatnonzero(needed)
         fresh = np.diff(time[rows], prepend=-np.inf) > 0.0
         for reason, count in (('not finite', len(time) - len(rows)),
                               ('the time of the row before', np.count_nonzero(~fresh))):
@@ -96,10 +92,10 @@ class TableRecording:
         rows = rows[fresh]
         start = float(time[rows[0]])
         samples, kept = tidied(Samples(time[rows] - start, joint=joint or key, **{
-            name: values[rows] for name, values in signals.items()}), notes)
+            name: values[rows] for name, values in signals.items() if values is not None}), notes)
         others = [self._of('position', name) for name in use.joints if name != key]
-        if fault := implausible(samples, not any(own is not None and moves(own) for own in others)):
-            raise InputError(f'{self.path}: ' + f'joint {joint!r}: ' * bool(joint) + fault)
+        check_plausible(samples, self.path, not any(
+            own is not None and moves(own) for own in others))
         effort = use.of('effort', key)
         return samples, RecordingInfo(
             self.path, joint or key, start=start, stamps=time - start, rows=rows[kept], notes=notes,
