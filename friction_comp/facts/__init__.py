@@ -3,6 +3,6 @@
 """What samples tell of themselves: every check of a signal, each with its one limit.
 
 A fact is a function of arrays; it says what is so, in words or numbers, and decides nothing. Who
-reads a file refuses it (`recorded`), who moves a motor commands zero, who refines or looks at a robot reports.
-The functions also run in control loops, so they need NumPy alone.
+reads a file refuses it (`recorded`), who moves a motor commands zero, who refines or looks at a
+robot reports. The functions also run in control loops, so they need NumPy alone.
 """
