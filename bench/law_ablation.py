@@ -62,6 +62,8 @@ RULES = {
     'trust beyond the identified speeds': (
         'release', 'HURRIED = math.radians(60.0), 0.7', 'HURRIED = math.radians(60.0), 1.0'),
     'breakaway friction near rest': ('peak', 'STARTS = 3.0', 'STARTS = 1e-6'),
+    'no sliding friction within presliding': (
+        'peak untouched', 'else min(1.0, max(0.0, 2.0 - left))', 'else 0.0'),
     'a long way is helped less': ('release', 'LATE, LATE_TIME = 0.04', 'LATE, LATE_TIME = 0.0'),
     'reported velocity': ('to_and_fro peak', 'AGREE_SHARE = 0.2', 'AGREE_SHARE = -1e9'),
     'speed is filtered': ('to_and_fro quiet', 'FILTER_TIME = 0.004', 'FILTER_TIME = 1e-6'),

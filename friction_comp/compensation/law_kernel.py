@@ -294,11 +294,13 @@ def friction_level(p: Parameters, s: State, positive: bool, more: float) -> floa
     settled = math.tanh(0.5 * p.steepness * speed)
     # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
     sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)))
-    # Until the joint has left its position of rest, breakaway friction holds it.
+    # Until the joint has left its position of rest, breakaway friction holds it. Speed within
+    # presliding is not sliding: it would follow a vibration, some samples late.
     near, left = max(0.0, min(sliding, mean)), abs(s.position - s.rest_position) / p.distance
     near += min(1.0, max(0.0, 2.0 - left / STARTS)) * (mean - near)
+    within = 0.0 if s.mode == LEADING else min(1.0, max(0.0, 2.0 - left))
     # Beyond the identified speeds friction may rise less.
-    rises = settled * min(1.0, speed / LEAD_SPEED)
+    rises = settled * min(1.0, speed / LEAD_SPEED) * (1.0 - within)
     return near + (sliding + p.viscous * min(speed, p.identified) - near) * rises
 
 
