@@ -39,9 +39,9 @@ def record_elbow(folder: Path) -> None:
     from friction_comp.demo.processes import private_domain
 
     with private_domain():
-        from friction_comp.tools.demo_system import open_system
+        from friction_comp.demo.scenes import open_system
 
-        with open_system(Namespace(output=folder, seed=1, watch=False)) as stage:
+        with open_system(Namespace(output=folder, seed=1)) as stage:
             stage.start_plant(['elbow'], [DRIVE], HIDDEN, SAMPLE_TIME)
             stage.start('compensator', DRIVE)
             for name in ('without_direction', 'with_direction'):

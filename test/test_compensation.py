@@ -16,9 +16,9 @@ from friction_comp.compensation.law import CompensationLaw, LAWS
 from friction_comp.compensation.law_kernel import LATE
 from friction_comp.compensation.law_parameters import SHARE
 from friction_comp.control.feed_forward import changes, feed_forward
+from friction_comp.direction.exercise import ReferenceMovement
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.exercise.exercise_script import ReferenceMovement
 from friction_comp.model.arm import Arm, Coupling, FREE_FALL, Group, PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS, RESISTS
 from friction_comp.model.effects.base import CARRIES

@@ -27,9 +27,9 @@ import zstandard
 
 from friction_comp.__main__ import run
 from friction_comp.arm.urdf import Chain
+from friction_comp.direction.exercise import load_exercise
 from friction_comp.errors import InputError
 from friction_comp.excitation.plan import from_urdf, pairs_in
-from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.files import read_json
 from friction_comp.interrupts import end_by_exception, Ended
 from friction_comp.recordings import read_recording, write_samples

@@ -20,7 +20,6 @@ from friction_comp.errors import InputError
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from friction_comp.demo import scenes
-from friction_comp.demo.system import clear_results
 
 
 def test_a_second_demo_into_the_folder_of_a_running_one_is_refused(tmp_path, capsys):
@@ -46,12 +45,12 @@ def test_a_demo_removes_only_results_of_a_demo(tmp_path):
     own.parent.mkdir()
     own.write_text('not to be lost')
     with pytest.raises(InputError, match='recordings: is there already and not of a demo'):
-        clear_results(tmp_path)
+        scenes.clear_results(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ['recordings']
     own.unlink()
-    clear_results(tmp_path)
+    scenes.clear_results(tmp_path)
     (tmp_path / 'models' / 'elbow.yaml').write_text('of the first demo')
-    clear_results(tmp_path)
+    scenes.clear_results(tmp_path)
     assert not list((tmp_path / 'models').iterdir())
 
 

@@ -10,13 +10,8 @@ import pytest
 import yaml
 
 from friction_comp.__main__ import run
+from friction_comp.direction.exercise import exercise_of, load_exercise, ReferenceMovement, teach
 from friction_comp.errors import InputError
-from friction_comp.exercise.exercise_script import (
-    exercise_of,
-    load_exercise,
-    ReferenceMovement,
-    teach,
-)
 from friction_comp.files import write_yaml
 from friction_comp.package_files import package_file
 from friction_comp.recordings import write_samples

@@ -21,7 +21,7 @@ from work_that_may_die import work_that_ends_a_worker_once, work_that_may_die
 
 from friction_comp.__main__ import run
 from friction_comp.evaluation.conditions import evaluate_recordings
-from friction_comp.fleet.population import populations_of, units_out
+from friction_comp.evaluation.fleet import populations_of, units_out
 from friction_comp.parallel import Failure, run_each, runner_on_cluster
 from friction_comp.recordings import write_samples
 from friction_comp.recordings.reader import pieces_of

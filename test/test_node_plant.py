@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray, MultiArrayDimension
 
-from friction_comp.exercise.exercise_script import load_exercise
+from friction_comp.direction.exercise import load_exercise
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.simulation.joint import Plant

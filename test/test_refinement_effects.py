@@ -18,7 +18,7 @@ import pytest
 from refine_table import error, recordings
 
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.exercise.exercise_script import ReferenceMovement
+from friction_comp.direction.exercise import ReferenceMovement
 from friction_comp.refinement import refine
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared

@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.direction.exercise import ExerciseScript
 from friction_comp.errors import InputError
-from friction_comp.exercise.exercise_script import ExerciseScript
 
 STILL = 0.02
 """rad/s. Below, a joint rests: presliding and the flex of a gear, 2 mrad at most, stay below it."""

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
 from friction_comp.control.joint_states import JointColumns
-from friction_comp.exercise.exercise_script import load_exercise, ReferenceMovement
+from friction_comp.direction.exercise import load_exercise, ReferenceMovement
 from friction_comp.ros.joint_io import QOS, RELIABLE
 from friction_comp.ros.node_parts import Diagnostics, OK, Settings, WARN
 from friction_comp.stamps import NANO, nanoseconds, set_stamp

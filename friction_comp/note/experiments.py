@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from friction_comp.compensation.law import law_parameters
+from friction_comp.direction.exercise import ReferenceMovement
 from friction_comp.evaluation.conditions import evaluate, Evaluation
-from friction_comp.exercise.exercise_script import ReferenceMovement
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationResult, IdentificationRun
 from friction_comp.model.friction_model import FrictionModel

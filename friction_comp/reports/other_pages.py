@@ -29,8 +29,8 @@ from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
     from friction_comp.arm.fit import ArmResult
+    from friction_comp.evaluation.fleet import ParameterSpread, Population
     from friction_comp.excitation.plan import JointPlan, Pair
-    from friction_comp.fleet.population import ParameterSpread, Population
 
 _VERDICTS = ('trust', 'trust in part', 'record again')
 

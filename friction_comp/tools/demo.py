@@ -36,9 +36,8 @@ def main(argv: list[str] | None = None) -> int:
     with private_domain():
         # Importing ROS 2 may restart Python, so it comes first.
         from friction_comp.demo import scenes
-        from friction_comp.demo.system import open_system
         import friction_comp.ros.tool_client  # noqa: F401
 
-        with open_system(arguments) as system:
+        with scenes.open_system(arguments) as system:
             getattr(scenes, f'play_{arguments.scene}')(system)
     return 0

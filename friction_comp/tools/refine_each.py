@@ -15,8 +15,8 @@ import time
 from typing import Any
 
 from friction_comp.errors import InputError
+from friction_comp.evaluation.fleet import fleet_json, NUMBERS, populations_of
 from friction_comp.files import encodable, output_folder, to_yaml
-from friction_comp.fleet.population import fleet_json, NUMBERS, populations_of
 from friction_comp.number_text import number
 from friction_comp.parallel import attempt, Failure, run_each, Runner, runner_on_cluster
 from friction_comp.recorded_drive.refine_recordings import refine_recordings

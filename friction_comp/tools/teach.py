@@ -22,7 +22,7 @@ def main(argv: list[str] | None = None) -> int:
         )).add_recordings(several=False)
     parser.add_output('exercise file to write')
     arguments = parser.parse(argv)
-    from friction_comp.exercise.exercise_script import exercise_of, teach
+    from friction_comp.direction.exercise import exercise_of, teach
     from friction_comp.recordings.reader import find_recording, read_arm
 
     with progress('reading') as report:

@@ -12,7 +12,7 @@ from friction_comp.simulation.joint import ReferenceHold
 
 if TYPE_CHECKING:
     from friction_comp.compensation.law import CompensationLaw
-    from friction_comp.exercise.exercise_script import ReferenceMovement
+    from friction_comp.direction.exercise import ReferenceMovement
     from friction_comp.simulation.joint import Plant
 
 SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature')
