@@ -276,9 +276,6 @@ KEYS = {
     'csv': {'offset': 'torque (N·m)'},
     'json': {name: name for name in ('coulomb', 'coulomb_with_load', 'viscous', 'offset', 'static',
                                      'transition', 'inertia', 'stiffness', 'rest')}}
-# Simulators take none below zero, and their ranges end there: one that draws from them would drive
-# the joint with less.
-_NEVER_NEGATIVE = ('coulomb', 'viscous', 'static', 'inertia', 'stiffness')
 # Speeds of a table over which friction changes its sign, in units of the transition.
 _TURNING = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0])
 
@@ -325,9 +322,9 @@ class SimulatorJoint:
         return replace(self, **least, left_out=[*self.left_out, *(  # type: ignore[arg-type]
             f'{name} {getattr(self, name):.4g}: simulators take none below zero, so it is 0 here'
             for name in least)], ranges={
-                name: (max(low, 0.0), high) if name in _NEVER_NEGATIVE else (low, high)
-                for name, (low, high) in self.ranges.items()
-                if name not in least and (high > 0.0 or name not in _NEVER_NEGATIVE)})
+                # One that draws from a range would drive the joint with less.
+                name: (max(low, 0.0), high) for name, (low, high) in self.ranges.items()
+                if high > 0.0 and name not in least})
 
 
 def torque_per_unit(model: FrictionModel) -> float:
