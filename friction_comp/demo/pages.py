@@ -198,8 +198,6 @@ def arm_page(alone: Mapping[str, Samples], helped: Mapping[str, Samples], result
 
     def shown(joint: str, way: str, figure: str) -> str:
         return value(f'{joint}, {way}, {figure}', f'{peaks[joint][way][figure]:.2f} N·m')
-    page.numbers([(f'{shown(joint, "alone", "rms")} → {shown(joint, "helped", "rms")}',
-                   f'{joint}, RMS') for joint in peaks])
     page.figure(_torque_figure(alone, helped), 'Torque of the person at each joint.')
     page.figure(exercise_figure(helped), f'The taught exercise `{exercise.name}`, as replayed with '
                 'help, and its announced directions.')

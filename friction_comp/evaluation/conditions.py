@@ -55,7 +55,7 @@ _UNCOUNTED = {'identification': 'made by identification',
 class Comparison:
     """A torque under two conditions, by movements of the same day and direction."""
 
-    figure: str  # a name in `FIGURES`
+    figure: str  # 'peak_torque' or 'rms_torque'
     first: Compensation
     second: Compensation
     pairs: int  # number of pairs that such movements can form
@@ -171,7 +171,7 @@ class Condition:
     rms_torque: float  # over all repetitions, from start to end of the movement
     mean_torque_constant_velocity: float  # negative where the joint pulls the person along
     false_starts: int  # number of repetitions in which it started without being pushed
-    # Mean over the repetitions, standard deviation, and their number, by `FIGURES`.
+    # By name: mean over the repetitions, standard deviation, and their number.
     figures: dict[str, tuple[float, float, int]]
     # Each (N,): s since the start of the movement; means and standard deviations, N·m and rad.
     time: np.ndarray
@@ -209,14 +209,10 @@ class Evaluation:
         """Whether the back-driving torque was measured."""
         return any('peak_torque' in r.figures for r in self.repetitions)
 
-    def names_of(self, condition: Compensation) -> tuple[str, ...]:
-        """Return the names of a condition; the model only if there are several."""
-        models = {c.compensation.model for c in self.conditions if c.compensation.model}
-        return tuple(filter(None, condition.names if len(models) > 1 else condition.names[:2]))
-
     def label(self, condition: Compensation) -> str:
-        """Return the names of a condition in one line."""
-        return ' · '.join(self.names_of(condition))
+        """Return the names of a condition in one line; the model only if there are several."""
+        models = {c.compensation.model for c in self.conditions if c.compensation.model}
+        return condition.label if len(models) > 1 else replace(condition, model='').label
 
     def stuck(self, condition: Compensation) -> int:
         """Return the number of movements under a condition in which the joint did not move."""

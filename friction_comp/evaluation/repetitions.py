@@ -162,16 +162,12 @@ class Compensation:
         return self.announced != 0 and self.law not in ('none', 'kinetic')
 
     @property
-    def names(self) -> tuple[str, str, str]:
-        """Short names of direction, law and model, '' if unknown."""
+    def label(self) -> str:
+        """What is known of direction, law and model, in one line."""
         announced = {0: 'd = 0', 1: 'd = ±1', -1: 'd = ±1 (against)'}[self.announced]
         law = {'none': 'no compensation', 'other': 'another commander'}.get(self.law, self.law)
-        return announced, ', '.join(filter(None, (law, self.settings))), Path(self.model).name
-
-    @property
-    def label(self) -> str:
-        """The known names in one line."""
-        return ' · '.join(filter(None, self.names))
+        named = announced, ', '.join(filter(None, (law, self.settings))), Path(self.model).name
+        return ' · '.join(filter(None, named))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
