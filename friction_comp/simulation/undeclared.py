@@ -142,16 +142,12 @@ class Undeclared:
     @classmethod
     def from_file(cls, path: str | Path) -> Undeclared:
         """Create from a YAML file."""
-        document = read_yaml(path)
+        content = read_yaml(path)
         with errors_name(path):
-            return cls.from_dict(document)
-
-    @classmethod
-    def from_dict(cls, document: Any) -> Undeclared:
-        """Create from the content of a YAML file."""
-        document = check_document(document, 'a file of undeclared effects', FORMAT, VERSION, _KEYS)
-        return cls.from_effects(
-            check_list(document.get('effects'), 'effects'), document.get('thermal'))
+            document = check_document(
+                content, 'a file of undeclared effects', FORMAT, VERSION, _KEYS)
+            return cls.from_effects(
+                check_list(document.get('effects'), 'effects'), document.get('thermal'))
 
 
 def _read(given: Any, wanted: dict[str, Bounds], where: str) -> dict[str, float]:
