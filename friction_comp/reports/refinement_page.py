@@ -338,7 +338,13 @@ def refinement_page(result: RefineResult, names: Sequence[str], output: Path) ->
                 f'{", ".join(shown)}, with averages over ranges: solid in the positive, dotted in '
                 'the negative direction. What the model lacks would show as a slope or wave.')
     page.heading('How sure it is')
-    page.table(['error', errors(report)[-1][1], 'this model'], _error_rows(report))
+    page.table(['error', errors(report)[-1][1], 'this model'], [
+        [label, *(quantity(getattr(one, name), unit) for one in (report.before, report.after))]
+        for name, label in (('held_out_rmse', 'while moving, in regimes not fitted'),
+                            ('worst_part_rmse', 'in the worst regime'),
+                            ('standstill_rmse', 'at standstill'),
+                            ('fit_rmse', 'where it was fitted'))
+        if getattr(report.after, name) is not None])
     page.text(f'Held out are {report.held_out}. Of {report.samples} rows '
               f'{report.samples_in_motion} are fitted: those in which the joint moves and the '
               f'{quantity_} is at no limit. A joint that sticks is held by whatever acts on it, so '
@@ -361,25 +367,6 @@ def number_rows(rows: Sequence[Row]) -> list[list[str]]:
     """Return rows of a table of a page."""
     return [[f'**{row.name}**' + (f', {row.remark}' if row.remark else ''),
              value(row.key, row.value), row.interval] for row in rows]
-
-
-def _error_rows(report: RefinementReport) -> list[list[str]]:
-    unit, before, after = report.unit, report.before, report.after
-    named = {'held_out_rmse': ('while moving, in regimes not fitted', 'before', 'error'),
-             'elsewhere_motion_rmse': ('in other motion, expected', '', 'elsewhere'),
-             'worst_part_rmse': ('in the worst regime', '', ''),
-             'held_out_max': ('the largest', '', ''),
-             'standstill_rmse': ('at standstill', '', ''),
-             'fit_rmse': ('where it was fitted', '', '')}
-    rows = []
-    for name, (label, *keys) in named.items():
-        if getattr(after, name) is None:
-            continue
-        texts = ['' if name == 'elsewhere_motion_rmse' and errors is before
-                 else quantity(getattr(errors, name), unit) for errors in (before, after)]
-        rows.append([label, *(value(key, text) if key else text for key, text in zip(keys, texts))])
-    rows.append(['noise from row to row', '', value('noise', quantity(report.noise_floor, unit))])
-    return rows
 
 
 @styled
