@@ -82,8 +82,8 @@ def compute_arm(room: Path) -> None:
 
     from friction_comp.recordings import write_samples
 
-    sys.path.insert(0, str(ROOT / 'test'))
-    from arm_maker import PLANE, recorded, small_arm, waves
+    sys.path.insert(0, str(ROOT / 'harness'))
+    from simulated_arms import PLANE, recorded, small_arm, waves
 
     rng = np.random.default_rng(1)
     joints = recorded(small_arm((5.0, 2.2, 2.6)), PLANE, waves(rng, 2000, 3, 0.01),
