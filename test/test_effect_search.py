@@ -143,8 +143,8 @@ def one_sine(time, seed):
     return size * np.sin(rate * time), size * rate * np.cos(rate * time)
 
 
-def recorded(seed, seconds=20.0, motion=reference, count=5e-5, slow=0.0):
-    """Return a joint under a PD controller that sees the encoder; a filter may slow its torque."""
+def recorded(seed, seconds=20.0, motion=reference, count=5e-5, slow=0.0, delay=0.0):
+    """Return a joint under a PD controller that sees the encoder; its torque is late, s."""
     time = np.arange(0.0, seconds, STEP)
     wanted, speed = motion(time, seed)
     gain = (2 * math.pi * 6.0) ** 2 * TRUTH['inertia']
@@ -163,9 +163,9 @@ def recorded(seed, seconds=20.0, motion=reference, count=5e-5, slow=0.0):
             q += v * STEP / INNER
     for k in range(1, len(torques) if slow else 1):
         torques[k] = torques[k - 1] + (1.0 - math.exp(-STEP / slow)) * (torques[k] - torques[k - 1])
-    noise = 0.015 * np.random.default_rng([seed, 1]).standard_normal(len(torques[::LOGGED]))
-    return Samples(time=time[::LOGGED], position=positions[::LOGGED],
-                   current=torques[::LOGGED] + noise)
+    torques = np.interp(time - delay, time, torques)[::LOGGED]
+    noise = 0.015 * np.random.default_rng([seed, 1]).standard_normal(len(torques))
+    return Samples(time=time[::LOGGED], position=positions[::LOGGED], current=torques + noise)
 
 
 @pytest.mark.parametrize(('seed', 'changes', 'widths'), [
@@ -175,16 +175,20 @@ def recorded(seed, seconds=20.0, motion=reference, count=5e-5, slow=0.0):
     # One sine does not tell inertia from weight.
     (1, {'seconds': 3.0, 'motion': one_sine}, {'inertia': (0.1, np.inf)}),
     (3, {'seconds': 3.0, 'motion': one_sine}, {'inertia': (0.1, np.inf)}),
-    # The controller responds to encoder steps.
+    # Several hundredths of a second of delay; the controller responds to encoder steps.
+    (3, {'delay': 0.04}, {}), (3, {'delay': -0.04}, {}),
     (1, {'count': math.radians(0.2)}, {})])
 def test_intervals_hold_the_truth_and_are_as_wide_as_the_doubt(seed, changes, widths):
-    friction = refine([recorded(seed, **changes)]).report.friction
+    result = refine([recorded(seed, **changes)])
+    friction = result.report.friction
     for name in ('coulomb', 'viscous', 'inertia'):
         low, high = friction.intervals[name]
         assert low <= TRUTH[name] <= high, name
         least, most = widths.get(name, (0.0, np.inf))
         assert least <= (high - low) / TRUTH[name] < most, name
     assert 0.5 < friction.inertia / TRUTH['inertia'] < 2.0 or 'motion' in changes
+    if 'delay' in changes:
+        assert result.model.differentiation['lag'] == pytest.approx(-changes['delay'], abs=0.003)
 
 
 def turning(seed, step, duration):
@@ -203,7 +207,7 @@ def late(seed, delay):
         seed).standard_normal(len(samples)))
 
 
-@pytest.mark.parametrize('delay', [0.03, 0.04, -0.03, -0.04, 0.0])
+@pytest.mark.parametrize('delay', [0.03, -0.03, 0.0])
 def test_a_delay_of_the_torque_is_found_and_one_of_the_sensor_is_no_effect(delay, tmp_path):
     samples = late(2, delay)
     result = refine([samples], drive=Drive(0.1, 100.0))
@@ -211,13 +215,8 @@ def test_a_delay_of_the_torque_is_found_and_one_of_the_sensor_is_no_effect(delay
     found = {effect.name for effect in result.report.effects}
     assert 'inertia' in found
     assert ('actuation_lag' in found) == (delay > 0.0)
-    friction = result.report.friction
-    for name, truth, near in (('coulomb', 0.8, 0.01), ('inertia', 0.05, 0.05)):
-        if abs(delay) > 0.03:
-            low, high = friction.intervals[name]
-            assert low <= truth <= high, name
-        else:
-            assert getattr(friction, name) == pytest.approx(truth, rel=near), name
+    assert result.report.friction.coulomb == pytest.approx(0.8, rel=0.01)
+    assert result.report.friction.inertia == pytest.approx(0.05, rel=0.05)
     # The file says it, too: it predicts as the report states.
     result.model.save(tmp_path / 'model.yaml')
     error = samples.current - FrictionModel.load(tmp_path / 'model.yaml').predict(samples)
