@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 import functools
+from itertools import combinations
 import math
 import re
 from typing import Any
@@ -529,6 +530,8 @@ _FLIPS, _FEW_FLIPS, _CHANCE = 1500, 50, 0.001
 _OUTLYING = 8.0
 _SINGLE = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
            'load': 12, 'temperature': 10}
+# Ranges of each of two variables.
+_OF_PAIR = 8
 _FEWEST_BLOCKS, _MOST_BLOCKS = 20, 400
 
 
@@ -537,8 +540,8 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
     """Return the variables that a residual, shape (N,), still depends on, the strongest first.
 
     Each dependence is subtracted before the next is searched for, so that a variable is reported
-    only if it explains a part that others do not. The samples are in motion; `slowest` is the speed
-    of standstill, rad/s.
+    only if it explains a part that others do not; then pairs of variables are tried. The samples
+    are in motion; `slowest` is the speed of standstill, rad/s.
     """
     limit = _OUTLYING * float(robust_std(residual)) + 1e-300
     values = np.clip(residual, -limit, limit)
@@ -563,14 +566,16 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
             strength, name = share_of_means(values, cells['time']), 'time'
         if strength * share < thresholds.LEAST_STRENGTH:
             break
-        size = math.sqrt(strength * share * float(np.mean(values ** 2)))
-        how = ('change so slowly that the recording is too short to tell with what' if slow else
-               f'depend on {name}, in a way that no effect of the package describes')
-        dependences.append(Dependence(
-            name, strength * share, f'about {size:.2g} A RMS of the remaining error {how}'))
+        dependences.append(_dependence(name, strength * share, values, name, slow))
         cell = cells.pop(name)
         mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
         values = values - mean[cell]
+    share = float(values @ values) / power
+    pair, strength = _strongest_pair(values, signals, side)
+    if strength * share > 2.0 * thresholds.LEAST_STRENGTH:
+        known = {item.variable for item in dependences}
+        dependences += [_dependence(name, strength * share, values, ' and '.join(pair))
+                        for name in pair if name not in known]
     return sorted(dependences, key=lambda item: -item.strength)
 
 
@@ -626,6 +631,20 @@ def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.nd
     return cell if name == 'acceleration' else 2 * cell + side
 
 
+def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray
+                    ) -> tuple[tuple[str, ...], float]:
+    """Return the two variables that together explain most, and the share that they explain."""
+    ranges = {name: _ranges(signals[name], _OF_PAIR) for name in _SINGLE
+              if name in signals and name != 'history'}
+    block, _ = _blocks(values)
+    best: tuple[float, tuple[str, ...]] = (0.0, ())
+    for names in combinations(ranges, 2):
+        cell = 2 * (_OF_PAIR * ranges[names[0]] + ranges[names[1]]) + side
+        cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
+        best = max(best, (explained_share(values, cell, block), names))
+    return best[1], best[0]
+
+
 def share_of_means(values: np.ndarray, cells: np.ndarray) -> float:
     """Return the share of a residual's power in the means of its cells."""
     total = np.bincount(cells, values)
@@ -642,6 +661,15 @@ def _blocks(values: np.ndarray) -> tuple[np.ndarray, bool]:
     longest = size // _FEWEST_BLOCKS
     length = max(2 * memory, size // _MOST_BLOCKS)
     return np.arange(size) // max(2, min(length, longest)), memory <= longest
+
+
+def _dependence(name: str, strength: float, values: np.ndarray, label: str, slow: bool = False
+                ) -> Dependence:
+    """Return the dependence on a variable; `label` names it, or a pair, in the note."""
+    size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
+    how = ('change so slowly that the recording is too short to tell with what' if slow else
+           f'depend on {label}, in a way that no effect of the package describes')
+    return Dependence(name, strength, f'about {size:.2g} A RMS of the remaining error {how}')
 
 
 def _ranges(values: np.ndarray, count: int, tails: tuple[float, ...] = ()) -> np.ndarray:

@@ -35,13 +35,7 @@ from friction_comp.refinement.effect_columns import (
     Table,
     Term,
 )
-from friction_comp.refinement.prepare import (
-    choose_signals,
-    prepare,
-    resolved_settings,
-    Rows,
-    smooth_settings,
-)
+from friction_comp.refinement.prepare import choose_signals, prepare, resolved_settings, Rows
 from friction_comp.samples import Samples
 
 _STEP = 1e-3
@@ -257,30 +251,13 @@ class Search:
                 return terms
             terms.remove(min(trials, key=lambda trial: trial[0])[1])
 
-    def exchange(self, terms: Sequence[Term]) -> list[Term]:
-        """Replace terms by other effects where that lowers the error."""
-        terms = list(terms)
-        self.update_candidates(terms)
-        for term in list(terms):
-            rest = [other for other in terms if other != term]
-            if term in self.fixed:
-                continue
-            limit = (1.0 - thresholds.LEAST_SHARE) * float(self.errors(terms).sum())
-            trials = [(float(self.errors([*rest, other]).sum()), other)
-                      for other in self.shortlist(rest) if other.kind != term.kind]
-            for error, other in sorted(trials, key=lambda trial: trial[0])[:1]:
-                if error < limit and other in self.without_collinear([*rest, other]):
-                    terms[terms.index(term)] = other
-        return terms
-
     def run(self, start: Sequence[Term]) -> list[Term]:
         """Search from some terms; return the terms at its end."""
         # A weight may be no improvement until the larger ripple beside it is known, so terms are
         # removed only after others were added.
         terms = self.without_collinear(list(dict.fromkeys([*self.fixed, *start])))
         self.table.fit_transition(terms)
-        terms = self.forward(terms)
-        return self.backward(self.adjusted(self.exchange(terms)))
+        return self.backward(self.adjusted(self.forward(terms)))
 
     def run_late(self, terms: Sequence[Term]) -> list[Term]:
         """Search on with effects of time and history; return the terms at the end."""
@@ -519,14 +496,7 @@ def find_best_fit(problem: Problem) -> Fit:
 
     What history explains, a lag may explain as well: with each, the search goes on to its end.
     """
-    best = search_with(problem)
-    # A plain drive knows of no ripple, which a filter of motion or of the load blurs.
-    wider = smooth_settings(problem.raw)
-    if best.settings['bandwidth'] < wider['bandwidth'] or best.settings.get('signals'):
-        best = min(best, search_with(problem, wider), key=lambda fit: float(
-            fit.table.errors(fit.terms).sum()) / len(fit.table.target))
-    best = _at_best_motion(problem, best)
-    lagged = best
+    best = lagged = _at_best_motion(problem, search_with(problem))
     # Terms stood in for a part of the lag: with them gone, it is found once more.
     for _ in range(_FILTERS):
         settings = _with_best_lag(lagged)
