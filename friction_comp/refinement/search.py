@@ -35,7 +35,13 @@ from friction_comp.refinement.effect_columns import (
     Table,
     Term,
 )
-from friction_comp.refinement.prepare import choose_signals, prepare, resolved_settings, Rows
+from friction_comp.refinement.prepare import (
+    choose_signals,
+    prepare,
+    resolved_settings,
+    Rows,
+    smooth_settings,
+)
 from friction_comp.samples import Samples
 
 _STEP = 1e-3
@@ -496,7 +502,13 @@ def find_best_fit(problem: Problem) -> Fit:
 
     What history explains, a lag may explain as well: with each, the search goes on to its end.
     """
-    best = lagged = _at_best_motion(problem, search_with(problem))
+    best = search_with(problem)
+    # A plain drive knows of no ripple, which a filter of motion or of the load blurs.
+    wider = smooth_settings(problem.raw)
+    if best.settings['bandwidth'] < wider['bandwidth'] or best.settings.get('signals'):
+        best = min(best, search_with(problem, wider), key=lambda fit: float(
+            fit.table.errors(fit.terms).sum()) / len(fit.table.target))
+    best = lagged = _at_best_motion(problem, best)
     # Terms stood in for a part of the lag: with them gone, it is found once more.
     for _ in range(_FILTERS):
         settings = _with_best_lag(lagged)
