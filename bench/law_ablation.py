@@ -27,7 +27,7 @@ FILES = ('law_kernel.py', 'safety.py')
 # The floors that a rule is for; what stands in one of these files of compensation/, and what stands
 # there without the rule.
 RULES = {
-    'as it is': ('release untouched knock quiet peak to_and_fro', '', ''),
+    'as it is': ('release untouched knock quiet peak to_and_fro leader', '', ''),
     'tank: the slid way fills it': ('to_and_fro', 'FILL = 0.025', 'FILL = 0.0'),
     'tank: rest fills it': ('peak', 's.saved += p.distance * s.step / REST_TIME', 'pass'),
     'tank: it pays for the wish': ('untouched quiet', 'if owed <= left:', 'if True:'),
@@ -35,7 +35,7 @@ RULES = {
     'wish before the turn: once a way': (
         'to_and_fro', 'weight < 1.0 and s.way != WENT_ON', 'weight < 1.0'),
     'wish: heading, d = 0': (
-        'to_and_fro', 'elif aim == 0.0 and (s.way == RESTED', 'elif False and (s.way == RESTED'),
+        'leader', 'elif aim == 0.0 and (s.way == RESTED', 'elif False and (s.way == RESTED'),
     'no motion within 0.05 R': ('knock peak', 'STILL = 0.05', 'STILL = 0.0'),
     'preload waits above 0.01 rad/s': ('release peak', 'if abs(s.speed) < LEAD_SPEED else 0.0', ''),
     'preload takes 0.1 s': (
@@ -73,6 +73,7 @@ RULES = {
 # Columns, by the beginnings of the rows of the table that they print.
 COLUMNS = {
     'd = 0': 'to and fro, d = 0', 'unknown': 'to and fro, d = 0, presliding unknown',
+    'start': 'leader arm, d = 0, presliding unknown: start',
     'announced': 'to and fro, announced', 'ahead': 'peak, 1 s ahead',
     'wrong': 'peak, wrongly announced, 1 s ahead', 'gains': 'let go, model ≤ 1.10',
     'moves': 'let go, model of 1.10', 'fast': 'let go, model ≤ 1.43',
@@ -93,7 +94,7 @@ def main():
     rows = []
     for rule in options.rules:
         for world, cells in without(rule, options):
-            rows.append({'rule': rule, 'world': world, **cells})
+            rows.append({'rule': rule, 'world': world, 'seed': options.seed, **cells})
             print(f'{rule:50s} {world:7s}' + ''.join(
                 f'{cells.get(name, ""):>10s}' for name in COLUMNS), flush=True)
     if options.output:

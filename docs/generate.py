@@ -258,19 +258,19 @@ def conditions() -> str:
 
 def ablation() -> str:
     """Return what changes without each rule of the law, in both worlds."""
-    whole: dict[str, dict[str, str]] = {}
-    found: dict[str, list[str]] = {}
+    whole: dict[tuple[str, int], dict[str, str]] = {}
+    found: dict[str, dict[str, str]] = {}
     for row in stored('ablation')['rows']:
-        rule, cells = row.pop('rule'), row
-        if rule == 'as it is':
-            whole[row['world']] = cells
-        changed = [f'{name} {whole[row["world"]][name]} → {text}' for name, text in cells.items()
-                   if name != 'world' and differs(whole[row['world']][name], text)]
-        found.setdefault(rule, []).append(', '.join(
-            changed if rule != 'as it is' else [
-                f'{name} {text}' for name, text in cells.items() if name != 'world']) or '–')
+        cells = dict(row)
+        rule, world, seed = (cells.pop(name) for name in ('rule', 'world', 'seed'))
+        # The law as it is comes first.
+        before = whole.setdefault((world, seed), cells)
+        found.setdefault(rule, {})[world] = ', '.join(
+            f'{name} {before[name]} → {text}' for name, text in cells.items()
+            if differs(before[name], text)) or 'no change'
     return rows(['without', 'simulated gears', 'MuJoCo'], [
-        [rule, *cells] for rule, cells in found.items()])
+        [rule, cells.get('gear', '–'), cells.get('mujoco', '–')]
+        for rule, cells in found.items() if rule != 'as it is'])
 
 
 def differs(one: str, other: str) -> bool:
