@@ -295,10 +295,11 @@ def friction_level(p: Parameters, s: State, positive: bool, more: float) -> floa
     # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
     sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)))
     # Until the joint has left its position of rest, breakaway friction holds it. Speed within
-    # presliding is not sliding: it would follow a vibration, some samples late.
+    # presliding is not sliding: it would follow a vibration, some samples late. But a joint that
+    # yields to the law's own preload slides, lest it creep on.
     near, left = max(0.0, min(sliding, mean)), abs(s.position - s.rest_position) / p.distance
     near += min(1.0, max(0.0, 2.0 - left / STARTS)) * (mean - near)
-    within = 0.0 if s.mode == LEADING else min(1.0, max(0.0, 2.0 - left))
+    within = min(1.0, max(0.0, 2.0 - left)) if s.mode == FREE else 0.0
     # Beyond the identified speeds friction may rise less.
     rises = settled * min(1.0, speed / LEAD_SPEED) * (1.0 - within)
     return near + (sliding + p.viscous * min(speed, p.identified) - near) * rises
