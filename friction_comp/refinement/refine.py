@@ -144,10 +144,8 @@ def model_of(fit: Fit, problem: Problem, bounds: Intervals) -> FrictionModel:
     for term in fit.terms:
         values = tuple(coefficients[column] for column in table.columns_of[term])
         if term.group is None:
-            # What may be the doing of other joints has no law by which it goes on beyond.
             effects.append(with_range(
-                term.kind({**term.constants, 'coefficients': list(values)}), moving,
-                only_recorded=bool(rows.joints) and rows.samples.rigid_body is None))
+                term.kind({**term.constants, 'coefficients': list(values)}), moving))
         else:
             groups.append(term.group)
             gains.append(values)

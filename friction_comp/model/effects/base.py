@@ -414,17 +414,14 @@ def segment_starts(samples: Samples) -> np.ndarray:
 _TAIL = 0.1
 
 
-def with_range(effect: Effect, samples: Samples, only_recorded: bool = False) -> Effect:
-    """Return the effect with a valid range: that of these samples, plus `range_margins`.
-
-    These do not count if it is a curve of what was recorded, which nothing says to go on beyond.
-    """
+def with_range(effect: Effect, samples: Samples) -> Effect:
+    """Return the effect with a valid range: that of these samples, plus `range_margins`."""
     ranges = {}
     for name, beyond in effect.range_margins.items():
-        values, margin = getattr(samples, name), 0.0 if only_recorded else beyond
-        if values is not None and len(values) and math.isfinite(margin):
+        values = getattr(samples, name)
+        if values is not None and len(values) and math.isfinite(beyond):
             low, high = np.percentile(values, (_TAIL, 100.0 - _TAIL))
-            more = margin * (high - low)
+            more = beyond * (high - low)
             ranges[name] = (float(low - more), float(high + more))
     twin = copy.copy(effect)
     twin.valid_range = ranges
