@@ -4,12 +4,16 @@
 
 from contextlib import suppress
 from pathlib import Path
+import time
 
-# Numba compiles a function anew when its own file has changed, not when one that it calls has: code
-# that is older than any file of the law is forgotten, also that of simulations that run it.
-_here = Path(__file__).parent
-_newest = max(path.stat().st_mtime for path in _here.glob('*.py'))
-for _index in [*_here.rglob('*.nbi'), *_here.with_name('simulation').rglob('*.nbi')]:
+# Numba compiles a function anew when its own file has changed, not when one that it calls has or
+# has moved: code that is older than any file of the package is forgotten. Files from the future, of
+# a computer whose clock is not set yet, do not count: nothing would ever be newer.
+_package = Path(__file__).parents[1]
+_now = time.time()
+_newest = max((changed for path in _package.rglob('*.py')
+               if (changed := path.stat().st_mtime) <= _now), default=0.0)
+for _index in _package.rglob('*.nbi'):
     with suppress(OSError):
         if _index.stat().st_mtime < _newest:
             _index.unlink()
