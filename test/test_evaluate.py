@@ -307,7 +307,7 @@ def test_a_difference_is_seen_in_turn_and_never_where_one_came_after_the_other()
     found = [peaks_of(session(ORDERS[order], np.random.default_rng(seed), help=0.3, drift=-0.3))
              for order in ORDERS for seed in range(40)]
     assert not any(one.interval for one in found[:40])
-    assert 'recorded in turn 1 of the 5' in found[0].untested
+    assert 'recorded in turn 1 times' in found[0].untested
     assert sum(one.significant for one in found[40:]) > 0.8 * 80
 
 
@@ -343,7 +343,7 @@ def judged(repetitions):
 
 @pytest.mark.parametrize(('order', 'help', 'day', 'words'), [
     ([0, 1] * 8, 0.4, 0, '% less**.'), ([0, 1] * 8, 0.0, 0, 'may be chance'),
-    ([0] * 20 + [1] * 20, 0.2, 0, 'That is not judged: recorded in turn 1'),
+    ([0] * 20 + [1] * 20, 0.2, 0, 'That is not judged: they were recorded in turn 1 times'),
     ([0] * 8, 0.4, 1, 'That is not judged: they were recorded on different days')])
 def test_the_verdict_is_no_surer_than_the_comparison(order, help, day, words):
     random = np.random.default_rng(0)

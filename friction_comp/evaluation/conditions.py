@@ -150,8 +150,8 @@ def _obstacle(pairs: int, repetitions: Sequence[Repetition], is_second: np.ndarr
     if (np.abs(change) > math.log(1.0 + ODD)).any():
         return "movements of one took longer or went farther than the other's"
     if turns < FEWEST:
-        return (f'recorded in turn {turns} of the {FEWEST} times that tell a difference from what '
-                'else changes with time')
+        return (f'they were recorded in turn {turns} times, and it takes {FEWEST} to tell a '
+                'difference from what else changes with time')
     return ''
 
 
