@@ -163,7 +163,7 @@ def claims() -> str:
 
 def said() -> str:
     """Return the errors that refinement said and that were found, of the measured recordings."""
-    from friction_comp.number_text import number
+    from friction_comp.terminal import number
 
     return rows(
         ['recording', 'refine', 'Coulomb + viscous', 'by hand', 'terms', 'said', 'true',
@@ -176,7 +176,7 @@ def said() -> str:
 
 def demo() -> str:
     """Return the demo's table."""
-    from friction_comp.number_text import number
+    from friction_comp.terminal import number
 
     numbers = stored('demo')
     titles = {'none': 'no compensation', 'kinetic': 'kinetic friction only, d = 0',
@@ -190,7 +190,7 @@ def demo() -> str:
 
 def well() -> str:
     """Return how well the package does, in three rows of what other tables hold."""
-    from friction_comp.number_text import number
+    from friction_comp.terminal import number
 
     real = next(one for one in stored('said')['rows'] if one['set'] == 'ur10e_joint2')
     taken = {name: stored('laws')['laws'][name][1] for name in ('announced', 'tanh')}

@@ -17,8 +17,8 @@ from typing import NoReturn
 
 from friction_comp import __version__
 from friction_comp.errors import InputError, one_line
+from friction_comp.files import add_environment_to_ament_path
 from friction_comp.interrupts import end_by_exception, Ended
-from friction_comp.package_files import add_environment_to_ament_path
 from friction_comp.terminal import tolerant_output
 
 NODES = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from friction_comp.checks import check_number, Checked, number, stated
+from friction_comp.errors import check_number, Checked, number, stated
 
 
 def _as_written(value: Any, name: str) -> Any:

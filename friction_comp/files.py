@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The one door for files: through it every byte comes in and goes out.
+"""The one door for files: through it every byte comes in and goes out; and where the package is.
 
 In: a regular file that may be read, unpacked to no more than a recording could hold; YAML without
 references and JSON, both bounded in depth. Out: whole or absent, whatever ends the program (see
@@ -14,10 +14,12 @@ from contextlib import contextmanager, suppress
 import errno
 import io
 import json
+import math
 import os
 from pathlib import Path
 import re
 import stat
+import sys
 from typing import Any, BinaryIO, TYPE_CHECKING
 import zlib
 
@@ -436,3 +438,74 @@ def parse_yaml(text: str, where: object, references: bool = False) -> Any:
         return yaml.load(text, Loader=_PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f'{where}: not a YAML document: {one_line(error)}') from None
+
+
+# Results.
+
+def write_report(folder: Path, content: dict[str, Any], page: Any, command: str) -> None:
+    """Write report.json and report.html, a `reports.html.Report` whose footer names the command."""
+    (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
+    page.made_by(command)
+    page.save(folder / 'report.html')
+
+
+def to_json(content: dict[str, Any]) -> str:
+    """Return a report as JSON text, its schema version first: see docs/reports.md.
+
+    Numpy values become plain ones, NaN and infinity null.
+    """
+    # The version increases when an entry is removed or changes its meaning.
+    values = {'version': 1, **plain(content, not_finite=None)}
+    return encodable(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)) + '\n'
+
+
+def plain(value: Any, not_finite: float | None = math.nan) -> Any:
+    """Convert nested values with numpy types, tuples and paths to types of YAML and JSON.
+
+    JSON has no NaN and no infinity: they become None if `not_finite` is None.
+    """
+    if isinstance(value, dict):
+        return {str(key): plain(item, not_finite) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item, not_finite) for item in value]
+    if hasattr(value, 'tolist'):
+        # A numpy array or scalar, recognised without importing numpy.
+        return plain(value.tolist(), not_finite)
+    if isinstance(value, os.PathLike):
+        return str(value)
+    if isinstance(value, float) and not_finite is None and not math.isfinite(value):
+        return None
+    return value
+
+
+# Files of the package.
+
+def package_file(*parts: str) -> Path:
+    """Return the path of a file or folder of the package; raises InputError if it is missing.
+
+    `parts` is its path below ``share/friction_comp``. It is searched in the source tree, if the
+    package runs from one, in all sourced workspaces and in the Python environment.
+    """
+    root = Path(__file__).resolve().parent.parent
+    folders = [root] if (root / 'package.xml').is_file() else []
+    folders += [Path(p, 'share', 'friction_comp') for p in (*_ament_prefixes(), sys.prefix)]
+    for folder in folders:
+        path = folder.joinpath(*parts)
+        if path.exists():
+            return path
+    raise InputError(f'friction_comp has no file {"/".join(parts)}')
+
+
+def add_environment_to_ament_path() -> None:
+    """Add this Python environment to AMENT_PREFIX_PATH, before ROS 2 is imported.
+
+    Activating a virtual environment with ROS 2 wheels does not. Sourced workspaces take precedence.
+    """
+    if not Path(sys.prefix, 'share', 'ament_index').is_dir():
+        return
+    if sys.prefix not in _ament_prefixes():
+        os.environ['AMENT_PREFIX_PATH'] = os.pathsep.join([*_ament_prefixes(), sys.prefix])
+
+
+def _ament_prefixes() -> list[str]:
+    return [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]

@@ -14,8 +14,8 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.files import read_yaml
+from friction_comp.messages import NANO
 from friction_comp.samples import beyond
-from friction_comp.stamps import NANO
 
 _STATES = ('positions', 'velocities', 'accelerations')
 

@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, settings
 import pytest
 
 from friction_comp.__main__ import run
-from friction_comp.package_files import add_environment_to_ament_path
+from friction_comp.files import add_environment_to_ament_path
 from friction_comp.reports import figures
 
 # As `python3 -m friction_comp` does for nodes: some tests import ROS 2 by themselves.

@@ -10,8 +10,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
-from friction_comp.checks import check_number, check_whole_number
-from friction_comp.errors import InputError
+from friction_comp.errors import check_number, check_whole_number, InputError
 from friction_comp.identification.curves import fit_sigmoid, sigmoid_error
 from friction_comp.model.differentiation import differentiate, prepared_signal
 from friction_comp.model.sigmoid import Sigmoid

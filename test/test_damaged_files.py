@@ -30,10 +30,9 @@ from friction_comp.arm.urdf import Chain
 from friction_comp.direction.exercise import load_exercise
 from friction_comp.errors import InputError
 from friction_comp.excitation.plan import from_urdf, pairs_in
-from friction_comp.files import read_json
+from friction_comp.files import read_json, to_json
 from friction_comp.interrupts import end_by_exception, Ended
 from friction_comp.recordings import read_recording, write_samples
-from friction_comp.results import to_json
 from friction_comp.samples import Samples
 from friction_comp.trajectory import Trajectory
 

@@ -12,8 +12,7 @@ import yaml
 from friction_comp.__main__ import run
 from friction_comp.direction.exercise import exercise_of, load_exercise, ReferenceMovement, teach
 from friction_comp.errors import InputError
-from friction_comp.files import write_yaml
-from friction_comp.package_files import package_file
+from friction_comp.files import package_file, write_yaml
 from friction_comp.recordings import write_samples
 from friction_comp.samples import Samples
 

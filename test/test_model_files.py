@@ -15,11 +15,11 @@ import yaml
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.files import package_file
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.motor_check import check_for_motor
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.package_files import package_file
 
 SIZE, WAY = st.floats(-2.0, 2.0), st.floats(1e-5, 1.0)
 MOTION = samples_of(np.sin(0.013 * np.arange(500)), 1.3 * np.cos(0.013 * np.arange(500)))

@@ -11,13 +11,13 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
+from friction_comp.messages import TOPICS
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import Recorded
 from friction_comp.monitoring.checkup import check_system, Endpoint, Observation
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.tools import doctor
-from friction_comp.topics import TOPICS
 
 # The monitoring is silent if the model fits, and otherwise names the cause.
 

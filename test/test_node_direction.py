@@ -17,7 +17,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from friction_comp.stamps import nanoseconds
+from friction_comp.messages import nanoseconds
 
 NANO = 1_000_000_000
 STEP = NANO // 100

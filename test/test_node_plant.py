@@ -16,11 +16,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray, MultiArrayDimension
 
 from friction_comp.direction.exercise import load_exercise
+from friction_comp.files import package_file
+from friction_comp.messages import nanoseconds, TORQUE_UNIT
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.package_files import package_file
 from friction_comp.simulation.joint import Plant
-from friction_comp.stamps import nanoseconds
-from friction_comp.topics import TORQUE_UNIT
 
 JOINTS = ['elbow', 'shoulder']
 EXAMPLE = package_file('config', 'exercises', 'two_joints.yaml')

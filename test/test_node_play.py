@@ -25,6 +25,7 @@ from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.excitation.plan import JointLimits, JointPlan, Move, trajectory_of
+from friction_comp.messages import TORQUE_UNIT
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.compensator import CompensatorNode
 from friction_comp.nodes.identification import trajectory_goal
@@ -33,7 +34,6 @@ from friction_comp.ros import tool_client
 from friction_comp.ros.joint_io import command_unit
 from friction_comp.ros.node_main import yield_to_executor
 from friction_comp.ros.tool_client import message_of
-from friction_comp.topics import TORQUE_UNIT
 
 JOINT = 'shoulder_pan_joint'
 LIMITS = JointLimits(JOINT, -0.6, 0.6, 1.0, 5.0)

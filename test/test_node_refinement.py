@@ -146,7 +146,8 @@ def test_a_model_that_no_longer_fits_is_noticed_refined_and_loaded(bench, room):
     assert Path(result.report).is_file()
     shares = [step.progress for step in bench.feedback]
     # A step that is over sooner than feedback is due is not told.
-    assert shares == sorted(shares) and shares[-1] > 0.0
+    assert shares == sorted(shares)
+    assert shares[-1] > 0.0
 
     # From now on the motion is compared with the new model.
     bench.move(40.0, ripple=0.6, seed=1)

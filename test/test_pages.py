@@ -12,7 +12,6 @@ import pytest
 
 from friction_comp.__main__ import run
 from friction_comp.evaluation.conditions import evaluate_recordings
-from friction_comp.number_text import number, quantity
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.evaluation_page import evaluation_page
@@ -24,6 +23,7 @@ from friction_comp.reports.refinement_page import (
     friction_rows,
     refinement_page,
 )
+from friction_comp.terminal import number, quantity
 
 VOID = {'meta', 'img', 'br', 'hr', 'link', 'input'}
 

@@ -38,6 +38,7 @@ import zstandard
 
 from friction_comp.errors import InputError
 from friction_comp.files import file_names
+from friction_comp.messages import TORQUE_UNIT
 from friction_comp.recordings import (
     find_recordings,
     read_arm,
@@ -50,7 +51,6 @@ from friction_comp.recordings import (
 )
 from friction_comp.recordings.reader import without_topic
 from friction_comp.tools.common import folder_names
-from friction_comp.topics import TORQUE_UNIT
 
 BATCHES = 30
 

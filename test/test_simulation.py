@@ -14,7 +14,7 @@ import pytest
 from friction_comp.__main__ import run
 from friction_comp.direction.exercise import ReferenceMovement
 from friction_comp.errors import InputError
-from friction_comp.package_files import package_file
+from friction_comp.files import package_file
 from friction_comp.recordings import read_arm
 from friction_comp.simulation.joint import (
     ARRIVED,

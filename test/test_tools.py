@@ -20,14 +20,13 @@ import yaml
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.files import output_folder
+from friction_comp.files import output_folder, to_json
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import loss_of, simulator_joint
 from friction_comp.model.model_file import Recorded, write_arm
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import write_samples
-from friction_comp.results import to_json
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 from friction_comp.tools import demo, evaluate, predict, refine, reproduce

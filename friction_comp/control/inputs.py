@@ -20,8 +20,8 @@ from friction_comp.control.faults import Faults, WARN
 from friction_comp.control.joint_states import JointStateInput, within
 from friction_comp.control.watchdog import Watchdog
 from friction_comp.facts.motion import BLOCK, FEWEST_BLOCKS, VelocityCheck
+from friction_comp.messages import NANO
 from friction_comp.samples import beyond, LIMITS
-from friction_comp.stamps import NANO
 
 _MAX_POSITION, _MAX_VELOCITY = LIMITS['position'][0], LIMITS['velocity'][0]
 _NEVER = -math.inf

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.stamps import NANO
+from friction_comp.messages import NANO
 
 # Verdicts on a joint state; only a new one is used.
 NEW = 'new'

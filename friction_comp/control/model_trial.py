@@ -17,11 +17,11 @@ import numpy as np
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.control.feed_forward import changes, feed_forward, FeedForward
 from friction_comp.errors import InputError
+from friction_comp.files import package_file
 from friction_comp.model.arm import Arm, FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.motor_check import doubts
-from friction_comp.package_files import package_file
 
 
 class Loaded(NamedTuple):

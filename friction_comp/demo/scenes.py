@@ -33,17 +33,15 @@ from friction_comp.demo.processes import (
 from friction_comp.direction.exercise import teach
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate_recordings
-from friction_comp.files import to_yaml, write_atomically
+from friction_comp.files import package_file, to_yaml, write_atomically, write_report
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.package_files import package_file
 from friction_comp.parallel import child_process
 from friction_comp.recordings.reader import read_arm, read_recording
 from friction_comp.refinement import refine, RefineResult
 from friction_comp.reports.evaluation_page import terminal_lines
 from friction_comp.reports.html import Report
-from friction_comp.results import write_report
 from friction_comp.ros.tool_client import ToolClient
 from friction_comp.samples import Samples
 from friction_comp.terminal import progress

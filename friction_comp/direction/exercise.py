@@ -19,14 +19,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_comp.checks import (
+from friction_comp.errors import (
     check_document,
     check_list,
     check_mapping,
     check_number,
     check_whole_number,
+    errors_name,
+    InputError,
 )
-from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml
 
 FORMAT, VERSION = 'friction_comp_exercise', 1

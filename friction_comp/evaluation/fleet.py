@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.results import plain
+from friction_comp.files import plain
 from friction_comp.statistics import CONFIDENCE, student_quantile, student_tail
 
 # Fewest units that tell something about their spread.

@@ -24,8 +24,7 @@ import numpy as np
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
-from friction_comp.checks import check_number
-from friction_comp.errors import InputError
+from friction_comp.errors import check_number, InputError
 from friction_comp.files import read_xml
 from friction_comp.model.effects import Coverage, Effect, EFFECTS
 from friction_comp.model.friction_model import FrictionModel

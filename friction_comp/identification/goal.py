@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import check_number, check_whole_number
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
+from friction_comp.errors import check_number, check_whole_number, InputError
 from friction_comp.model.effects.base import CARRIES, Effect, LiveTerm
 from friction_comp.model.friction_model import FrictionModel
 

@@ -32,7 +32,6 @@ from friction_comp.drive import Drive
 from friction_comp.facts.current import ALIKE, Answer, CurrentCheck, FOLLOWS, gain_fault, LATEST
 from friction_comp.facts.motion import VelocityCheck
 from friction_comp.identification.goal import IdentificationError, MotionGoal
-from friction_comp.low_pass import low_pass_weight
 
 LONGEST_GAP = 0.25
 """Longest time without a sample, s."""
@@ -168,7 +167,7 @@ class Supervision:
 
     def _compare_carried(self, step: float, measured: float, carried: float) -> None:
         """Raise if the current that holds the joint at rest is measured otherwise."""
-        share = low_pass_weight(step, 0.05)
+        share = 1.0 - math.exp(-step / 0.05)
         self._held += share * (np.array([measured, carried]) - self._held)
         given, wanted = self._held.tolist()
         moves = abs(self._currents.commanded) > 0.1 * abs(wanted)
@@ -386,7 +385,7 @@ def controller_step(parameters: Controller, state: np.ndarray, reference_positio
         state[0], state[3] = position, reference_velocity
     bandwidth = parameters.bandwidth
     gain = bandwidth / parameters.acceleration_per_current
-    share = low_pass_weight(time_step, 1.0 / (5.0 * bandwidth))
+    share = 1.0 - math.exp(-5.0 * bandwidth * time_step)
     state[1] += share * ((position - state[0]) / time_step - state[1])
     acceleration = (reference_velocity - state[3]) / time_step
     state[0], state[3] = position, reference_velocity

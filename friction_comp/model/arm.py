@@ -19,8 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import listed, mapping, number
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, listed, mapping, number
 from friction_comp.model.differentiation import differentiate, settings_of
 from friction_comp.samples import Samples
 

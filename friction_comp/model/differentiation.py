@@ -9,8 +9,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from friction_comp.checks import mapping, number
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, mapping, number
 from friction_comp.samples import Samples
 from friction_comp.statistics import median
 

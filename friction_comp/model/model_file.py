@@ -17,11 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import (
+from friction_comp.drive import Drive
+from friction_comp.errors import (
     check_document,
     check_interval,
     check_mapping,
     Checked,
+    errors_name,
+    InputError,
     listed,
     mapping,
     number,
@@ -30,13 +33,10 @@ from friction_comp.checks import (
     section,
     stated,
 )
-from friction_comp.drive import Drive
-from friction_comp.errors import errors_name, InputError
-from friction_comp.files import read_yaml, write_yaml
+from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.differentiation import settings_of
 from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.results import plain
 from friction_comp.samples import Samples
 from friction_comp.statistics import evenly_spread, rms
 

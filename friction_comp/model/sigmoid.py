@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_comp.checks import Checked, number, stated
-from friction_comp.errors import InputError
+from friction_comp.errors import Checked, InputError, number, stated
 
 VELOCITY_UNITS = {'rad/s': 1.0, 'deg/s': math.pi / 180.0}
 

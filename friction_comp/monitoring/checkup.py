@@ -13,8 +13,8 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.facts import current, motion
 from friction_comp.facts.timing import rhythm
+from friction_comp.messages import TOPICS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.topics import TOPICS
 
 OK, NOTE, WARNING, PROBLEM = 'ok', 'note', 'warning', 'problem'
 _LEVELS = {1: WARNING, 2: PROBLEM, 3: PROBLEM}    # of diagnostics

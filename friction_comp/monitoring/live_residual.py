@@ -17,15 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import check_number
-from friction_comp.errors import InputError
+from friction_comp.errors import check_number, InputError
 from friction_comp.facts.motion import STANDSTILL
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import LARGER, Recorded
-from friction_comp.number_text import quantity
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
+from friction_comp.terminal import quantity
 
 # s before the new rows that are computed again to let filters and effect states settle, and s at
 # the end that wait for later rows, because a zero-phase filter needs them.

@@ -21,11 +21,11 @@ from friction_comp.control.compensation_loop import CompensationLoop
 from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import load_compiled_code, Loaded, try_model
 from friction_comp.errors import InputError
+from friction_comp.messages import NANO, nanoseconds
 from friction_comp.model.motor_check import doubts, is_to_be_recorded_again, TORQUE, unit_of
 from friction_comp.ros import node_parts as parts
 from friction_comp.ros.joint_io import CommandPort, competing_publishers, QOS
 from friction_comp.ros.ros_start import steady_timer
-from friction_comp.stamps import NANO, nanoseconds
 
 STAMPED = 'direction_stamped'
 # Real s between checks for other commanders and for faults that have ended.

@@ -5,9 +5,9 @@
 from __future__ import annotations
 
 from friction_comp.control.model_trial import load_compiled_code
+from friction_comp.files import package_file
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.identification import compile_ahead
-from friction_comp.package_files import package_file
 from friction_comp.simulation.joint import Plant
 
 

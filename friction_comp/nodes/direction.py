@@ -29,10 +29,10 @@ from friction_comp.direction.sources import (
     SILENCE,
 )
 from friction_comp.errors import InputError
+from friction_comp.messages import NANO, nanoseconds, set_stamp
 from friction_comp.ros.joint_io import QOS, RELIABLE
 from friction_comp.ros.node_main import yield_to_executor
 from friction_comp.ros.node_parts import Diagnostics, OK, Settings, WARN
-from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 
 class DirectionNode(Node):

@@ -19,9 +19,9 @@ from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.direction.exercise import load_exercise, ReferenceMovement
+from friction_comp.messages import NANO, nanoseconds, set_stamp
 from friction_comp.ros.joint_io import QOS, RELIABLE
 from friction_comp.ros.node_parts import Diagnostics, OK, Settings, WARN
-from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 # Real s: discovery may finish at different times at both ends of a connection; longest wait for the
 # acknowledgement of each topic's last messages.

@@ -27,10 +27,10 @@ from friction_comp.files import check_folder, file_names, to_yaml
 from friction_comp.identification import goal as goals
 from friction_comp.identification.goal import IdentificationGoal, TrajectoryGoal
 from friction_comp.identification.run import IdentificationRun, TrajectoryRun
+from friction_comp.messages import NANO, nanoseconds
 from friction_comp.nodes.goal_server import GoalServer
 from friction_comp.ros import joint_io, node_parts as parts
 from friction_comp.ros.ros_start import steady_timer
-from friction_comp.stamps import NANO, nanoseconds
 
 # Real s between checks of publishers, other commanders and the client, and between feedbacks.
 _PERIOD = 0.1

@@ -17,12 +17,12 @@ from std_msgs.msg import Float64MultiArray, Header
 
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
+from friction_comp.messages import NANO, nanoseconds, set_stamp
 from friction_comp.ros.joint_io import command_unit, RELIABLE, UNASKED, UNIT_OF
 from friction_comp.ros.node_parts import Diagnostics, load_models, OK, Rate, Settings, WARN
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.simulation.joint import Plant, ReferenceHold
 from friction_comp.simulation.undeclared import Undeclared
-from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 # Real s between checks of a waiting plant in lockstep. It repeats its request at the second check
 # without an answer: by then, everything that had arrived has been processed. And s between motor

@@ -26,6 +26,7 @@ from sensor_msgs.msg import JointState, Temperature
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
 from friction_comp.files import file_names
+from friction_comp.messages import NANO
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.nodes.goal_server import GoalServer
@@ -36,7 +37,6 @@ from friction_comp.ros import node_parts as parts
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.node_main import yield_to_executor
 from friction_comp.ros.ros_start import steady_timer
-from friction_comp.stamps import NANO
 from friction_comp.tables.columns import Layout
 
 # ns between states that are compared, and of difference up to which a load, or temperature, counts.

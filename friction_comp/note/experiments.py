@@ -19,10 +19,10 @@ import numpy as np
 from friction_comp.compensation.law import law_parameters
 from friction_comp.direction.exercise import ReferenceMovement
 from friction_comp.evaluation.conditions import evaluate, Evaluation
+from friction_comp.files import package_file
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationResult, IdentificationRun
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.package_files import package_file
 from friction_comp.parallel import child_process
 from friction_comp.samples import Samples
 from friction_comp.simulation.batch import closed_loops

@@ -17,8 +17,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
-from friction_comp.files import output_folder
-from friction_comp.results import write_report
+from friction_comp.files import output_folder, write_report
 from friction_comp.tables import units
 from friction_comp.tables.columns import Layout
 

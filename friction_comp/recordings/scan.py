@@ -15,13 +15,11 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.checks import one_of
-from friction_comp.errors import InputError, os_errors_name
+from friction_comp.errors import InputError, one_of, os_errors_name
+from friction_comp.messages import NANO, TOPICS, TORQUE_UNIT
 from friction_comp.recordings.storage import Storage, unpack
-from friction_comp.stamps import NANO
 from friction_comp.tables.columns import STATES
 from friction_comp.tables.units import Unit
-from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

@@ -20,10 +20,9 @@ from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.errors import InputError, os_errors_name
 from friction_comp.files import create, new_folder, to_yaml, write_atomically
+from friction_comp.messages import NANO, TOPICS
 from friction_comp.recordings.storage import AnyPath, METADATA
 from friction_comp.samples import Samples
-from friction_comp.stamps import NANO
-from friction_comp.topics import TOPICS
 
 Qos = dict[str, Any]
 # rosbag2's value of a duration that is not set.

@@ -13,8 +13,8 @@ import numpy as np
 from friction_comp.model.effects import Coverage
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import FrictionNumbers
-from friction_comp.number_text import in_own_units
 from friction_comp.samples import Samples
+from friction_comp.terminal import in_own_units
 
 TRUST, IN_PART, AGAIN = 'trust', 'trust in part', 'record again'
 

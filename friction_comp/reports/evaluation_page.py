@@ -11,9 +11,9 @@ import numpy as np
 
 from friction_comp.evaluation.conditions import Comparison, Condition, Evaluation, FEWEST
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
-from friction_comp.number_text import aligned, interval_text, number
 from friction_comp.reports.figures import band, INK, legend, panels, shade_waiting, styled, zero
 from friction_comp.reports.html import Report, value, without_marks
+from friction_comp.terminal import aligned, interval_text, number
 
 _MOST_RECORDINGS = 12
 _SIGNS = {'positive': '+', 'negative': '−'}

@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 import numpy as np
 
-from friction_comp.number_text import in_own_units
+from friction_comp.terminal import in_own_units
 
 P = ParamSpec('P')
 T = TypeVar('T')

@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 from friction_comp import __version__
 from friction_comp.files import write_atomically
-from friction_comp.number_text import in_own_units, number
+from friction_comp.terminal import in_own_units, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.number_text import interval_text, number, quantity
 from friction_comp.reports.figures import COLOURS, curve, measured_and_predicted, panels, styled
 from friction_comp.reports.html import Link, Report, value
 from friction_comp.reports.refinement_page import (
@@ -26,6 +25,7 @@ from friction_comp.reports.refinement_page import (
     Row,
 )
 from friction_comp.samples import Samples
+from friction_comp.terminal import interval_text, number, quantity
 
 if TYPE_CHECKING:
     from friction_comp.arm.fit import ArmResult

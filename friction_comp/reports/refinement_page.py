@@ -20,7 +20,6 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import FrictionNumbers, quantity_in
 from friction_comp.model.motor_check import check_for_motor
-from friction_comp.number_text import aligned, number, quantity
 from friction_comp.refinement.result import Finding, FoundEffect, RefinementReport, RefineResult
 from friction_comp.reports.figures import (
     curve,
@@ -31,6 +30,7 @@ from friction_comp.reports.figures import (
     zero,
 )
 from friction_comp.reports.html import Report, value
+from friction_comp.terminal import aligned, number, quantity
 
 # Name and unit of each number, A standing for the unit of current.
 NAMES = {'coulomb': ('Coulomb', 'A'), 'coulomb_with_load': ('… with load', 'A'),

@@ -20,10 +20,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
+from friction_comp.messages import NANO, TOPICS
 from friction_comp.recordings.writer import qos_profile
 from friction_comp.ros.ros_start import steady_timer
-from friction_comp.stamps import NANO
-from friction_comp.topics import TOPICS
 
 STATES = 'joint_states'
 # Subscriptions are discovered in the order of their creation: a plant that waits for a subscription

@@ -17,8 +17,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from friction_comp.control.port import NEGLIGIBLE
-from friction_comp.stamps import NANO
-from friction_comp.topics import TORQUE_UNIT
+from friction_comp.messages import NANO, TORQUE_UNIT
 
 # Deep enough for a reader that pauses for seconds.
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)

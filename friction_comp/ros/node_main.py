@@ -33,8 +33,8 @@ from rclpy.utilities import remove_ros_args
 
 from friction_comp.errors import InputError
 from friction_comp.interrupts import ENDING, STOPPING
+from friction_comp.messages import NANO
 from friction_comp.ros.ros_start import dropping_log, start_ros, without_source_locations
-from friction_comp.stamps import NANO
 
 T = TypeVar('T')
 

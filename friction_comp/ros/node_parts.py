@@ -25,7 +25,7 @@ from rcl_interfaces.msg import (
 import yaml
 
 from friction_comp.errors import errors_name, InputError
-from friction_comp.package_files import package_file
+from friction_comp.files import package_file
 from friction_comp.ros.ros_start import steady_timer
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from friction_comp.errors import InputError
-from friction_comp.package_files import package_file
+from friction_comp.files import package_file
 
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 # Bytes that a pipe takes as a whole; s to wait until the reader of the log takes them, and in which

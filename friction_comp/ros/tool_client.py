@@ -33,10 +33,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from friction_comp.errors import InputError
 from friction_comp.interrupts import interrupts_deferred, stopping_ends
+from friction_comp.messages import nanoseconds, TOPICS, TORQUE_UNIT
 from friction_comp.ros.joint_io import BEST_EFFORT, command_unit
 from friction_comp.ros.ros_start import own_node
-from friction_comp.stamps import nanoseconds
-from friction_comp.topics import TOPICS, TORQUE_UNIT
 from friction_comp.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -52,9 +52,7 @@ from numba import njit
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_comp.checks import check_mapping, check_number, check_whole_number
-from friction_comp.errors import InputError
-from friction_comp.low_pass import low_pass_weight
+from friction_comp.errors import check_mapping, check_number, check_whole_number, InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import kinetic_current
 from friction_comp.simulation.undeclared import COLUMNS, Undeclared, undeclared_torque, warmed_up
@@ -263,6 +261,12 @@ half of this the person would finish movements under the continuous law, too."""
 SUBSTEPS, _GEARED_SUBSTEPS = 8, 16
 SETTLING, _GEARED_SETTLING = 0.0005, 0.005
 """Time without slip after which a joint sticks again, s."""
+
+
+@njit(cache=True)
+def low_pass_weight(step: float, time_constant: float) -> float:
+    """Return the weight of the input in one step of a first-order low pass; times in s."""
+    return 1.0 - math.exp(-step / time_constant) if time_constant > 0.0 else 1.0
 
 
 @njit(cache=True)

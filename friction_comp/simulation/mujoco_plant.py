@@ -17,7 +17,6 @@ from numba import njit
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import (
     clamped_friction,
@@ -25,6 +24,7 @@ from friction_comp.simulation.joint import (
     end_sample,
     follow_reference,
     friction_level,
+    low_pass_weight,
     move_bristle,
     Plant,
     RIGID,

@@ -16,8 +16,14 @@ from typing import Any
 from numba import njit
 import numpy as np
 
-from friction_comp.checks import check_document, check_list, check_mapping, check_number
-from friction_comp.errors import errors_name, InputError
+from friction_comp.errors import (
+    check_document,
+    check_list,
+    check_mapping,
+    check_number,
+    errors_name,
+    InputError,
+)
 from friction_comp.files import read_yaml
 
 FORMAT = 'friction_comp_undeclared'

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import one_of
-from friction_comp.errors import errors_name, InputError
+from friction_comp.errors import errors_name, InputError, one_of
 from friction_comp.facts.motion import at_times, not_in_radians
 from friction_comp.facts.recorded import check_plausible, moves, tidied, usable
 from friction_comp.facts.timing import gap_length, not_in_seconds, unit_for

@@ -19,11 +19,16 @@ import shlex
 import sys
 from typing import Any, NoReturn, TYPE_CHECKING, TypeVar
 
-from friction_comp.checks import check_number, check_whole_number
-from friction_comp.errors import InputError
-from friction_comp.files import check_file, check_folder, encodable, file_names, output_folder
+from friction_comp.errors import check_number, check_whole_number, InputError
+from friction_comp.files import (
+    check_file,
+    check_folder,
+    encodable,
+    file_names,
+    output_folder,
+    write_report,
+)
 from friction_comp.recorded_drive.refine_recordings import Given
-from friction_comp.results import Page, write_report
 from friction_comp.tables.columns import Column, Layout, without_time
 from friction_comp.tables.table_files import is_table, Table
 
@@ -217,7 +222,7 @@ def folder_names(names: Iterable[str]) -> list[str]:
                       for name in names)
 
 
-def write_results(arguments: Namespace, content: dict[str, Any], page: Page,
+def write_results(arguments: Namespace, content: dict[str, Any], page: Any,
                   model: FrictionModel | None = None, files: Mapping[str, str] | None = None
                   ) -> None:
     """Write report.json, report.html, model.yaml and texts by file name to --output, or nothing."""

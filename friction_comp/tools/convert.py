@@ -13,7 +13,7 @@ from pathlib import Path
 
 from friction_comp.errors import InputError
 from friction_comp.files import check_file
-from friction_comp.stamps import NANO
+from friction_comp.messages import NANO
 from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, layout_of
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from importlib import import_module, util
 import os
+from pathlib import Path
 import platform
 import sys
 from typing import Any
 
-from friction_comp.package_files import add_environment_to_ament_path, middlewares
-from friction_comp.results import to_json
+from friction_comp.files import add_environment_to_ament_path, to_json
 from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, whole_number
 
@@ -92,3 +92,12 @@ def check_machine() -> Iterator[tuple[str, str, str, str]]:
     if (load := os.getloadavg()[0] / (os.cpu_count() or 1)) > 1.0:
         yield ('warning', 'load', f'{load:.1f} processes wait for each processor core',
                'nothing else should run beside a control loop')
+
+
+def middlewares() -> list[str]:
+    """Return the names of the middlewares that ROS 2 finds on this machine."""
+    index = Path('share', 'ament_index', 'resource_index', 'rmw_typesupport')
+    installed = {path.name for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+                 if prefix for path in (prefix / index).glob('rmw_*')}
+    # This one only selects another at run time.
+    return sorted(installed - {'rmw_implementation'})

@@ -17,9 +17,8 @@ from typing import Any, TYPE_CHECKING
 
 from friction_comp import __version__
 from friction_comp.errors import errors_name, InputError
-from friction_comp.files import read_yaml, to_yaml, write_atomically
-from friction_comp.number_text import in_own_units
-from friction_comp.results import plain
+from friction_comp.files import plain, read_yaml, to_yaml, write_atomically
+from friction_comp.terminal import in_own_units
 from friction_comp.tools.common import Arguments
 
 if TYPE_CHECKING:

@@ -16,12 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.checks import one_of
-from friction_comp.errors import errors_name, InputError
+from friction_comp.errors import errors_name, InputError, one_of
 from friction_comp.files import read_yaml, write_atomically
-from friction_comp.number_text import in_own_units
 from friction_comp.tables.table_files import to_csv
-from friction_comp.terminal import progress
+from friction_comp.terminal import in_own_units, progress
 from friction_comp.tools.common import Arguments, layout_of
 
 if TYPE_CHECKING:

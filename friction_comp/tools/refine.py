@@ -7,9 +7,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_comp.errors import InputError
-from friction_comp.number_text import in_own_units
 from friction_comp.tables.units import parse_unit, unit_of
-from friction_comp.terminal import progress
+from friction_comp.terminal import in_own_units, progress
 from friction_comp.tools.common import Arguments, check_tables, given_of, positive, whole_number
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from friction_comp.arm.fit import ArmResult, refine_arm
 from friction_comp.errors import InputError
-from friction_comp.files import output_folder, read_yaml
+from friction_comp.files import output_folder, read_yaml, write_report
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import joints_of, write_arm
 from friction_comp.recorded_drive.refine_recordings import (
@@ -28,7 +28,6 @@ from friction_comp.reports.refinement_page import (
     step_lines,
     summary_lines,
 )
-from friction_comp.results import write_report
 from friction_comp.terminal import progress
 from friction_comp.tools.common import folder_names, given_of
 

@@ -16,13 +16,11 @@ from typing import Any
 
 from friction_comp.errors import InputError
 from friction_comp.evaluation.fleet import fleet_json, NUMBERS, populations_of
-from friction_comp.files import encodable, output_folder, to_yaml
-from friction_comp.number_text import number
+from friction_comp.files import encodable, output_folder, to_json, to_yaml
 from friction_comp.parallel import attempt, Failure, run_each, Runner, runner_on_cluster
 from friction_comp.recorded_drive.refine_recordings import refine_recordings
 from friction_comp.recordings.reader import Piece, pieces_of
-from friction_comp.results import to_json
-from friction_comp.terminal import progress
+from friction_comp.terminal import number, progress
 from friction_comp.tools.common import folder_names, given_of, layout_of, write_results
 
 # Most recordings that get a page each: nobody reads a hundred; refine makes that of any one.

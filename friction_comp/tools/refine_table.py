@@ -12,7 +12,6 @@ import numpy as np
 
 from friction_comp.errors import errors_name, InputError
 from friction_comp.identification.curves import fit_steady_states, SteadyStates
-from friction_comp.number_text import in_own_units
 from friction_comp.recorded_drive.refine_recordings import drive_of, figures_unit
 from friction_comp.refinement import thresholds
 from friction_comp.reports.other_pages import steady_state_page, steady_state_rows
@@ -20,6 +19,7 @@ from friction_comp.reports.refinement_page import next_steps, Row, step_lines, t
 from friction_comp.statistics import rms
 from friction_comp.tables.columns import Column, read_name
 from friction_comp.tables.table_files import Table
+from friction_comp.terminal import in_own_units
 from friction_comp.tools.common import given_of, write_results
 
 _OTHER_OPTIONS = ('model', 'urdf', 'each', 'stiffness', 'rate')

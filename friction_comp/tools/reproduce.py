@@ -7,10 +7,8 @@ It prints the results of the simulation next to those of the note.
 
 from __future__ import annotations
 
-from friction_comp.files import output_folder
-from friction_comp.number_text import aligned
-from friction_comp.results import to_json
-from friction_comp.terminal import progress
+from friction_comp.files import output_folder, to_json
+from friction_comp.terminal import aligned, progress
 from friction_comp.tools.common import Arguments, whole_number
 
 

@@ -19,9 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from friction_comp.checks import check_interval, listed, mapping, number
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
+from friction_comp.errors import check_interval, InputError, listed, mapping, number
 from friction_comp.samples import Samples
 
 RESISTS, CARRIES, NEITHER = 'resists', 'carries', 'neither'

@@ -1,8 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The package's topics and their message types."""
+"""The package's topics, and stamps of messages as whole nanoseconds, which add without rounding."""
 
 from __future__ import annotations
+
+from typing import Any
 
 TOPICS = {
     'joint_states': 'sensor_msgs/msg/JointState',
@@ -18,3 +20,15 @@ TOPICS = {
 TORQUE_UNIT = 'N.m'
 """Label of a command's second dimension if its values are in N·m at the joint. It is ASCII, since
 not every reader of ROS messages accepts other characters. Any other label, or none, means A."""
+NANO = 1_000_000_000
+"""Nanoseconds in a second."""
+
+
+def nanoseconds(stamp: Any) -> int:
+    """Return a builtin_interfaces/Time in ns."""
+    return stamp.sec * NANO + stamp.nanosec
+
+
+def set_stamp(stamp: Any, value: int) -> None:
+    """Set a builtin_interfaces/Time to a time in ns."""
+    stamp.sec, stamp.nanosec = divmod(value, NANO)
