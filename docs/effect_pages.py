@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_comp.model.effect import Coverage
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.base import Coverage
 from friction_comp.refinement.thresholds import table
 from friction_comp.reports.figures import curve, panels, to_svg
 from friction_comp.samples import Samples

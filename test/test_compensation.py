@@ -20,9 +20,9 @@ from friction_comp.direction.exercise import ReferenceMovement
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm import Arm, Coupling, FREE_FALL, Group, PARAMETERS, Tree
-from friction_comp.model.effects import EFFECTS, RESISTS
-from friction_comp.model.effects.base import CARRIES
-from friction_comp.model.effects.kinds import (
+from friction_comp.model.effect import CARRIES, RESISTS
+from friction_comp.model.effects import (
+    EFFECTS,
     FrictionRipple,
     Gravity,
     Inertia,

@@ -22,7 +22,7 @@ from friction_comp.compensation.law_parameters import (
     LEAST_SHARE,
     SHARE,
 )
-from friction_comp.model.effects.kinds import Hysteresis
+from friction_comp.model.effects import Hysteresis
 from friction_comp.model.friction_model import Presliding
 from friction_comp.model.model_file import Recorded
 from friction_comp.simulation.joint import GEARS

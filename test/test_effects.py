@@ -14,9 +14,8 @@ import pytest
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.effects import Coverage, Effect, EFFECTS, register, SearchRange
-from friction_comp.model.effects.base import LiveTerm, Signals
-from friction_comp.model.effects.kinds import Backlash, Hysteresis
+from friction_comp.model.effect import Coverage, Effect, LiveTerm, SearchRange, Signals
+from friction_comp.model.effects import Backlash, EFFECTS, Hysteresis, register
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine

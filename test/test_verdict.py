@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from friction_comp.drive import Drive
+from friction_comp.model.effect import Coverage
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.base import Coverage
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import Recorded, signals_read
 from friction_comp.model.motor_check import cautions

@@ -44,7 +44,8 @@ from friction_comp.arm.urdf import Chain
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm import Arm, FREE_FALL, friction_groups, PARAMETERS, Tree
-from friction_comp.model.effects import Coverage, EFFECTS, ResidualView
+from friction_comp.model.effect import Coverage, ResidualView
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import one_thread
 from friction_comp.refinement import search, thresholds

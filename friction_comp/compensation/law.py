@@ -24,7 +24,7 @@ from friction_comp.compensation.law_parameters import (
 )
 from friction_comp.compensation.safety import BAD_TIME, TURN_TIME
 from friction_comp.errors import InputError
-from friction_comp.model.effects.base import CARRIES, Effect, LiveTerm
+from friction_comp.model.effect import CARRIES, Effect, LiveTerm
 from friction_comp.model.friction_model import FrictionModel
 
 __all__ = ['CompensationLaw', 'GRAVITY', 'law_parameters', 'LAWS']

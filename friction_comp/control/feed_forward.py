@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.model.effects.base import RESISTS
+from friction_comp.model.effect import RESISTS
 from friction_comp.model.friction_model import FrictionModel
 
 # s: sample time, at rest, from standstill to speed, and at speed.

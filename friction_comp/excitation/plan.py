@@ -26,7 +26,8 @@ from scipy.stats import qmc
 
 from friction_comp.errors import check_number, InputError
 from friction_comp.files import read_xml
-from friction_comp.model.effects import Coverage, Effect, EFFECTS
+from friction_comp.model.effect import Coverage, Effect
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import one_thread
 from friction_comp.refinement.block_sums import column_shares

@@ -14,7 +14,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import check_number, check_whole_number, InputError
-from friction_comp.model.effects.base import CARRIES, Effect, LiveTerm
+from friction_comp.model.effect import CARRIES, Effect, LiveTerm
 from friction_comp.model.friction_model import FrictionModel
 
 GOAL_LIMITS = {

@@ -39,7 +39,7 @@ from friction_comp.identification.supervised_run import (
     SupervisedRun,
 )
 from friction_comp.model.arm import Arm
-from friction_comp.model.effects.base import Effect
+from friction_comp.model.effect import Effect
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from numba import njit
 import numpy as np
 
-from friction_comp.model.effects.steps import backlash_step, dahl_step, rest_step
+from friction_comp.model.steps import backlash_step, dahl_step, rest_step
 
 # One function for all kinds: compiled code is kept for functions that it names, not for arguments.
 KINDS = ('hysteresis', 'backlash', 'rest_time')

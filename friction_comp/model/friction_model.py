@@ -16,8 +16,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
 from friction_comp.model import model_file
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
-from friction_comp.model.effects import Effect
-from friction_comp.model.effects.base import RESISTS
+from friction_comp.model.effect import Effect, RESISTS
 from friction_comp.model.model_file import Breakaway, Presliding, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.effects.base import Effect, RESISTS
+from friction_comp.model.effect import Effect, RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import LINE
 from friction_comp.samples import Samples

@@ -35,7 +35,8 @@ from friction_comp.errors import (
 )
 from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.differentiation import settings_of
-from friction_comp.model.effects import Effect, EFFECTS
+from friction_comp.model.effect import Effect
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 from friction_comp.statistics import evenly_spread, rms

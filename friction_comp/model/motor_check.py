@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.effects.base import Effect, RESISTS
+from friction_comp.model.effect import Effect, RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
 

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from friction_comp.model.arm import friction_groups, Group, groups_for
-from friction_comp.model.effects import Effect, EFFECTS, ResidualView
+from friction_comp.model.effect import Effect, ResidualView
+from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.prepare import Rows, TRANSITIONS
 

@@ -21,8 +21,8 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.facts.motion import STANDSTILL, velocity_agreement
 from friction_comp.facts.timing import lost_rows
+from friction_comp.model.effect import RESISTS, segment_starts, too_coarse
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.base import RESISTS, segment_starts, too_coarse
 from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums, rank_correlation, repeats

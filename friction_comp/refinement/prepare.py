@@ -28,7 +28,7 @@ from friction_comp.model.differentiation import (
     METHOD,
     prepared_signal,
 )
-from friction_comp.model.effects import Coverage
+from friction_comp.model.effect import Coverage
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums, held_out_error, regimes_of

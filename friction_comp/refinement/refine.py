@@ -13,8 +13,8 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.model.arm import Arm, Coupling
 from friction_comp.model.differentiation import DEFAULT_SETTINGS
-from friction_comp.model.effects import Effect, EFFECTS
-from friction_comp.model.effects.base import RESISTS, with_range
+from friction_comp.model.effect import Effect, RESISTS, with_range
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import friction_of, FrictionNumbers, line_of
 from friction_comp.model.sigmoid import Sigmoid

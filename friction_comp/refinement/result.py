@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects import Coverage
+from friction_comp.model.effect import Coverage
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.samples import Samples

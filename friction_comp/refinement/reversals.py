@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from friction_comp.model.differentiation import shifted_in_time
-from friction_comp.model.effects.base import RESISTS
+from friction_comp.model.effect import RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import Breakaway, Presliding
 from friction_comp.refinement import thresholds

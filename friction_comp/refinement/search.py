@@ -21,7 +21,8 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.model.arm import neighbourhood
 from friction_comp.model.differentiation import shifted_in_time
-from friction_comp.model.effects import Coverage, EFFECTS
+from friction_comp.model.effect import Coverage
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds

@@ -11,7 +11,7 @@ from typing import NamedTuple
 class Case(NamedTuple):
     """One kind of undeclared effect.
 
-    `variable`: what it depends on, one of `friction_comp.model.effects.VARIABLES`. `name`: of the
+    `variable`: what it depends on, as `friction_comp.model.effect.Effect.variable`. `name`: of the
     undeclared effect, and `parameters` draws its parameters: f(rng, level), where `level` is the
     drive's friction in N·m. `needs`: what the recording's `Excitation` must have for it.
     """

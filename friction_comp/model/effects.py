@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.model.effects.base import (
+from friction_comp.model.effect import (
     CARRIES,
     Coverage,
     Effect,
@@ -26,7 +26,7 @@ from friction_comp.model.effects.base import (
     too_coarse,
     turns_seldom,
 )
-from friction_comp.model.effects.steps import backlash_step, dahl_step, rest_step
+from friction_comp.model.steps import backlash_step, dahl_step, rest_step
 
 
 def _speed_varied(coverage: Coverage) -> bool:
@@ -744,3 +744,16 @@ class WarmUp(OffsetDrift):
                'start, fading with {time_constant:.3g} s')
     equation = _CHANGED + '·exp(-t/{time_constant:.5g})'
     columns = staticmethod(lambda x, c: _changed_friction(x, *OffsetDrift.columns(x, c)))
+
+
+EFFECTS: dict[str, type[Effect]] = {kind.name: kind for kind in (
+    Stribeck, ViscousShape, DirectionAsymmetry, Gravity, Spring, Cogging, FrictionRipple, Bump,
+    Inertia, RigidBody, OtherJoints, LoadTorque, LoadFriction, CarriedLoadFriction,
+    InnerLoadFriction, Temperature, WarmUp, OffsetDrift, Hysteresis, Backlash, RestTime)}
+"""Every effect by its name, in the order in which refinement tries them."""
+
+
+def register(effect: type[Effect]) -> type[Effect]:
+    """Make an effect known to refinement, model files and the compensator; a class decorator."""
+    EFFECTS[effect.name] = effect
+    return effect
