@@ -42,7 +42,7 @@ def rows(head: list[str], body: list[list[str]]) -> str:
 
 def options() -> str:
     """Return every option of the tools once, from their parsers."""
-    from friction_comp.__main__ import TOOLS
+    from friction_comp.__main__ import tool, TOOLS
     from friction_comp.tools.common import Arguments
 
     found: dict[str, tuple[str, list[str], str]] = {}
@@ -62,9 +62,8 @@ def options() -> str:
     parse, Arguments.parse = Arguments.parse, keep
     try:
         for name in TOOLS:
-            module = __import__(f'friction_comp.tools.{name}', fromlist=['main'])
             with suppress(SystemExit):
-                module.main([])
+                tool(name)([])
     finally:
         Arguments.parse = parse
     # The tools that read recordings; `all` are those that write results.

@@ -43,6 +43,9 @@ TOOLS = {
     'play': 'moves joints along a trajectory, with currents or a trajectory controller',
     'predict': 'writes measured and predicted current of a recording',
 }
+# Where tools stand that have no module of their own.
+_MODULES = {'demo': 'laboratory', 'reproduce': 'laboratory', 'evaluate': 'recordings',
+            'convert': 'recordings', 'teach': 'recordings', 'excite': 'motion', 'play': 'motion'}
 USAGE = '\n'.join([
     'usage: python3 -m friction_comp [--help] [--version] NAME [ARGUMENT ...]',
     '',
@@ -63,6 +66,12 @@ Parameters, remappings and names are given after --ros-args, for instance
 _ROS_MODULE = re.compile(r'rclpy|\w+_(msgs|srvs|interfaces)')
 
 
+def tool(name: str) -> Callable[[list[str]], int | None]:
+    """Return the function of a tool, which takes its arguments."""
+    module = importlib.import_module(f'friction_comp.tools.{_MODULES.get(name, name)}')
+    return getattr(module, name)
+
+
 def run(name: str, argv: list[str] | None = None) -> int:
     """Run a node or tool with its arguments, by default those of the process.
 
@@ -70,7 +79,6 @@ def run(name: str, argv: list[str] | None = None) -> int:
     line on standard error says why), 128 + N when signal N has ended it.
     """
     argv = sys.argv[1:] if argv is None else argv
-    room = 'nodes' if name in NODES else 'tools'
     before_ros_args = itertools.takewhile(lambda word: word != '--ros-args', argv)
     if name in NODES and {'-h', '--help'} & set(before_ros_args):
         # Handled here, since importing ROS 2 takes a second.
@@ -91,12 +99,12 @@ def run(name: str, argv: list[str] | None = None) -> int:
     with tolerant_output():
         try:
             # Imported only now, so that tools that do not need ROS 2 run without it.
-            module = importlib.import_module(f'friction_comp.{room}.{name}')
-            if name in NODES:
-                from friction_comp.ros import node_main
+            if name in TOOLS:
+                return tool(name)(argv) or 0
+            module = importlib.import_module(f'friction_comp.nodes.{name}')
+            from friction_comp.ros import node_main
 
-                return node_main.run(name, getattr(module, f'{name.capitalize()}Node'), argv)
-            return module.main(argv) or 0
+            return node_main.run(name, getattr(module, f'{name.capitalize()}Node'), argv)
         except InputError as error:
             print(f'{name}: {one_line(error)}', file=sys.stderr)
             return 2

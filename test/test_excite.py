@@ -33,7 +33,7 @@ from friction_comp.excitation.plan import (
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
-from friction_comp.tools.excite import limits_of
+from friction_comp.tools.motion import limits_of
 
 ELBOW = JointLimits('elbow', -1.2, 1.0, 1.5, 6.0)
 PLAIN = ['--joint', 'elbow', '--position', '-1.2', '1.0', '--velocity', '1.5', '--acceleration',

@@ -273,11 +273,11 @@ def test_without_a_running_system_it_says_so_and_ends_well():
 def test_what_is_missing_on_this_machine_is_named(monkeypatch, capsys, change, about, words):
     monkeypatch.setattr(doctor, *change)
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_of_another_world_cpp')
-    assert doctor.main(['--seconds', '0', '--json']) == 1
+    assert doctor.doctor(['--seconds', '0', '--json']) == 1
     found, = (one for one in json.loads(capsys.readouterr().out)['findings']
               if one['about'] == about)
     assert words in found['do']
-    assert doctor.main(['--seconds', '0']) == 1
+    assert doctor.doctor(['--seconds', '0']) == 1
     assert about in capsys.readouterr().out.splitlines()[-1]
 
 

@@ -10,7 +10,6 @@ import shutil
 import subprocess
 import sys
 import textwrap
-from types import ModuleType
 from xml.etree import ElementTree
 
 from helpers import printed_by, ROOT
@@ -125,9 +124,7 @@ def test_exit_codes_of_tools(monkeypatch, capsys, ending, code, said):
             raise ending
         return ending(argv)
 
-    module = ModuleType('friction_comp.tools.predict')
-    module.main = main
-    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(entry, 'tool', lambda name: main)
     assert entry.main(['predict', 'argument']) == code
     monkeypatch.setattr(sys, 'argv', ['predict', 'argument'])
     assert entry.predict() == code

@@ -36,8 +36,8 @@ from friction_comp.refinement import refine
 from friction_comp.refinement.judge import Finding, verdict_of
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
-from friction_comp.tools.predict import main as run_predict
-from friction_comp.tools.refine import main as run_refine
+from friction_comp.tools.predict import predict as run_predict
+from friction_comp.tools.refine import refine as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 
 RATE = 125.0  # Hz

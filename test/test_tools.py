@@ -17,6 +17,7 @@ import pytest
 from table_maker import write
 import yaml
 
+from friction_comp import __main__ as entry
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
@@ -29,7 +30,6 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import write_samples
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
-from friction_comp.tools import demo, evaluate, predict, refine, reproduce
 from friction_comp.tools.common import Arguments
 
 GAIN = 5.0
@@ -71,14 +71,15 @@ def test_a_closed_pipe_costs_only_printed_text(tmp_path):
     assert len((tmp_path / 'friction.csv').read_text().splitlines()) > 9
 
 
-@pytest.mark.parametrize('tool', [predict, refine, evaluate, reproduce, demo])
-def test_an_output_that_cannot_be_written_is_told_before_the_work(tool, tmp_path):
+@pytest.mark.parametrize('name', ['predict', 'refine', 'evaluate', 'reproduce', 'demo'])
+def test_an_output_that_cannot_be_written_is_told_before_the_work(name, tmp_path):
     (tmp_path / 'file').write_text('')
     for output in (tmp_path / 'file' / 'below', '/proc/nobody_writes_here/below'):
-        arguments = [] if tool in (reproduce, demo) else [str(tmp_path / 'none.mcap')]
-        arguments += ['--model', str(tmp_path / 'none.yaml')] if tool in (predict, refine) else []
+        arguments = [] if name in ('reproduce', 'demo') else [str(tmp_path / 'none.mcap')]
+        if name in ('predict', 'refine'):
+            arguments += ['--model', str(tmp_path / 'none.yaml')]
         with pytest.raises(InputError, match='cannot be written to'):
-            tool.main([*arguments, '--output', str(output)])
+            entry.tool(name)([*arguments, '--output', str(output)])
     assert [path.name for path in tmp_path.iterdir()] == ['file']
 
 
@@ -135,8 +136,12 @@ def test_a_model_of_another_joint_is_refused(swinging, monkeypatch, refuses, too
             "wrist.yaml: is of joint 'wrist', not 'elbow'", tool, *arguments)
 
 
+def tool():
+    """Does things."""
+
+
 def test_an_option_given_twice_is_joined_where_it_lists_and_refused_where_it_does_not(capsys):
-    parser = Arguments('tool', 'x').add_recordings()
+    parser = Arguments(tool).add_recordings()
     given = ['log.csv', '--unit', 'position=deg', '--unit', 'time=ms', '--columns', 'time=t']
     parsed = parser.parse(given)
     assert (parsed.unit, parsed.columns) == ('position=deg,time=ms', 'time=t')
@@ -167,7 +172,7 @@ def test_output_appears_only_when_all_is_done(tmp_path):
 
 def test_arguments_that_are_wrong_take_one_line(capsys):
     def parse(*argv):
-        return Arguments('tool', 'Does things.').add_recordings().add_output().parse(
+        return Arguments(tool).add_recordings().add_output().parse(
             list(argv))
 
     for argv, words in (

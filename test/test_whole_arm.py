@@ -20,7 +20,8 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
 from friction_comp.recordings import read_arm, write_samples
 from friction_comp.statistics import rms
-from friction_comp.tools import predict, refine as refine_tool
+from friction_comp.tools.predict import predict
+from friction_comp.tools.refine import refine as refine_tool
 
 pytestmark = pytest.mark.slow
 LIFT, BEND = 1, 2
@@ -55,7 +56,7 @@ def refined(tmp_path_factory):
 
 def refined_to(output, *arguments):
     """Run refine; return its report."""
-    assert refine_tool.main([*map(str, arguments), '--output', str(output)]) == 0
+    assert refine_tool([*map(str, arguments), '--output', str(output)]) == 0
     return json.loads((output / 'report.json').read_text(encoding='utf-8'))
 
 
@@ -84,7 +85,7 @@ def test_predict_needs_no_urdf_and_is_right_on_another_recording(refined, joint,
     monkeypatch.setitem(__import__('sys').modules, 'pinocchio', None)
     tables = [tmp_path / name for name in ('whole.csv', 'own.csv')]
     for table, model in zip(tables, (['model.yaml', '--joint', joint], [f'{joint}/model.yaml'])):
-        assert predict.main([str(refined / 'score'), '--model', str(refined / 'out' / model[0]),
+        assert predict([str(refined / 'score'), '--model', str(refined / 'out' / model[0]),
                              *model[1:], '--output', str(table)]) == 0
     error, own = map(errors_of, tables)
     # Noise is 0.02 A; the sign of friction at reversals is sharper than 100 Hz shows.

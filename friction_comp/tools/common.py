@@ -13,6 +13,7 @@ from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+import inspect
 from pathlib import Path
 import re
 import shlex
@@ -63,12 +64,11 @@ class _Joined(argparse.Action):
 class Arguments(argparse.ArgumentParser):
     """An argument parser that reports an error in one line and exits with status 2.
 
-    The description is the docstring of the tool's module, without its name and markup.
+    Name and description are those of the tool's function.
     """
 
-    def __init__(self, name: str, description: str, examples: Sequence[str] = ()) -> None:
-        description = re.sub(r'^The tool ``\w+``: (\w)', lambda match: match[1].upper(),
-                             description).replace('``', '')
+    def __init__(self, tool: Callable[..., object], examples: Sequence[str] = ()) -> None:
+        name, description = tool.__name__, inspect.cleandoc(tool.__doc__ or '')
         lines = [f'  python3 -m friction_comp {name} {example}'.rstrip() for example in examples]
         super().__init__(
             prog=f'python3 -m friction_comp {name}', description=description,

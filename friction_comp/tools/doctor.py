@@ -1,10 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``doctor``: checks what is installed and running, and says what to do.
-
-The exit code is 0 if nothing is wrong (warnings included), 1 if there is a problem, 2 if an
-argument cannot be used. It publishes and changes nothing.
-"""
+"""The tool `doctor`."""
 
 from __future__ import annotations
 
@@ -28,9 +24,13 @@ _ACTIONS = ('IdentifyFriction', 'PlayTrajectory', 'RefineModel')
 _VARIABLES = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_STATIC_PEERS')
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Check the installation and the running system, and print the findings."""
-    parser = Arguments('doctor', __doc__, (
+def doctor(argv: list[str] | None = None) -> int:
+    """Checks what is installed and running, and says what to do.
+
+    The exit code is 0 if nothing is wrong (warnings included), 1 if there is a problem, 2 if an
+    argument cannot be used. It publishes and changes nothing.
+    """
+    parser = Arguments(doctor, (
         '', '--seconds 0', '--seconds 10',
         '--ros-args -r current_command:=/current_controller/commands'))
     parser.add_argument('--seconds', metavar='S', type=whole_number(0), default=5,

@@ -1,10 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``export``: writes a model's friction in a form that simulators and controllers read.
-
-Coulomb and viscous friction, offset and inertia are those that refine prints. Every file states in
-a comment, or an entry, what its form misses of the model in the recorded motion.
-"""
+"""The tool `export`."""
 
 from __future__ import annotations
 
@@ -25,12 +21,17 @@ if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.model.friction_numbers import SimulatorJoint
 
+
 _FORMS = ('mujoco', 'urdf', 'sdf', 'csv', 'tanh', 'isaac', 'json')
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Write the file; returns 0."""
-    parser = Arguments('export', __doc__, (
+def export(argv: list[str] | None = None) -> int:
+    """Writes a model's friction in a form that simulators and controllers read.
+
+    Coulomb and viscous friction, offset and inertia are those that refine prints. Every file states
+    in a comment, or an entry, what its form misses of the model in the recorded motion.
+    """
+    parser = Arguments(export, (
         'output/refined/model.yaml --to mujoco --output output/elbow.xml',
         'output/refined/model.yaml --to isaac --joint elbow --output output/elbow.yaml',
         'output/refined/model.yaml --to csv --output output/friction.csv'))

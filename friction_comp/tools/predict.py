@@ -1,12 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``predict``: writes the current that a model predicts, next to the measured one.
-
-The measured current is that of the motor. If the load was recorded, the current that corresponds
-to it is added, unless the model has an effect of the load. Of a plan (a table of time and position
-without effort, of one joint or an arm, or a JointTrajectory), it writes the torque that the motion
-needs, as feed-forward.
-"""
+"""The tool `predict`."""
 
 from __future__ import annotations
 
@@ -28,9 +22,15 @@ if TYPE_CHECKING:
     from friction_comp.samples import RecordingInfo, Samples
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Write a row for each joint state, or for each time of a plan; returns 0."""
-    parser = Arguments('predict', __doc__, (
+def predict(argv: list[str] | None = None) -> int:
+    """Writes the current that a model predicts, next to the measured one.
+
+    The measured current is that of the motor. If the load was recorded, the current that
+    corresponds to it is added, unless the model has an effect of the load. Of a plan (a table of
+    time and position without effort, of one joint or an arm, or a JointTrajectory), it writes the
+    torque that the motion needs, as feed-forward.
+    """
+    parser = Arguments(predict, (
         'examples/elbow/with_direction.mcap.zstd --model config/armin_configuration_2.yaml '
         '--output output/current.csv',
         'plan.csv --model output/refined/model.yaml --output torque.csv',

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``refine``: finds in recordings which effects a model lacks."""
+"""The tool `refine`: parses, and chooses the way."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from friction_comp.terminal import in_own_units, progress
 from friction_comp.tools.common import Arguments, check_tables, given_of, positive, whole_number
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Refine a model and write report.json, report.html and model.yaml; returns 0."""
-    parser = Arguments('refine', __doc__, (
+def refine(argv: list[str] | None = None) -> int:
+    """Finds in recordings which effects a model lacks."""
+    parser = Arguments(refine, (
         'log.csv --columns time=t,position=q_2,effort=tau_2 --unit position=deg --output refined',
         'examples/elbow --model config/armin_configuration_2.yaml --output output/refined')
     ).add_recordings(unit_help=(
@@ -42,18 +42,18 @@ def main(argv: list[str] | None = None) -> int:
                          'recordings are refined at once')
     means = check_tables(arguments)
     if means is not None:
-        from friction_comp.tools.refine_table import refine_table
+        from friction_comp.tools.refine_forms import refine_table
 
         return refine_table(arguments, means)
     if arguments.each:
-        from friction_comp.tools.refine_each import refine_each
+        from friction_comp.tools.refine_forms import refine_each
 
         return refine_each(arguments)
     if arguments.jobs:
         raise InputError('--jobs goes with --each: several recordings that give one model are '
                          'fitted together')
     if arguments.urdf:
-        from friction_comp.tools.refine_arm import refine_whole_arm
+        from friction_comp.tools.refine_forms import refine_whole_arm
 
         return refine_whole_arm(arguments)
     from friction_comp.recorded_drive.refine_recordings import refine_to_folder

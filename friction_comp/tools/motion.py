@@ -1,11 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``excite``: plans a motion within limits that distinguishes effects of a drive.
-
-It writes trajectory.yaml (a trajectory_msgs/JointTrajectory), report.html (what the motion covers)
-and report.json. `play` first moves the robot to the first point; for any other player it must stand
-there.
-"""
+"""The tools `excite` and `play`: plan a motion, and move a robot by it."""
 
 from __future__ import annotations
 
@@ -25,13 +20,19 @@ if TYPE_CHECKING:
     from friction_comp.excitation.plan import JointLimits, Pair
     from friction_comp.model.friction_model import FrictionModel
 
+
 # Points of a trajectory per second: with a few, splines between them overshoot short moves.
 _RATE = 50.0
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Write the plan; returns 0."""
-    parser = Arguments('excite', __doc__, (
+def excite(argv: list[str] | None = None) -> int:
+    """Plans a motion within limits that distinguishes effects of a drive.
+
+    It writes trajectory.yaml (a trajectory_msgs/JointTrajectory), report.html (what the motion
+    covers) and report.json. `play` first moves the robot to the first point; for any other player
+    it must stand there.
+    """
+    parser = Arguments(excite, (
         '--joint elbow --position -1.2 1.0 --velocity 1.5 --acceleration 6 --output output/excite',
         '--urdf arm.urdf --acceleration 4 --seconds 90 --output output/excite')).add_output()
     parser.add_argument('--joint', metavar='NAME', action='append', default=[],
@@ -130,3 +131,38 @@ def _pairs(arguments: Namespace) -> list[Pair]:
     if arguments.ambiguous is None:
         return pairs_of(arguments.effects.split(',') if arguments.effects else DEFAULT)
     return pairs_in(read_json(arguments.ambiguous), str(arguments.ambiguous))
+
+
+def play(argv: list[str] | None = None) -> int:
+    """Moves joints along a trajectory, such as one that `excite` planned.
+
+    Without --controller the node `identification` moves the joints, one after another, by motor
+    currents and under its supervision. With it, a robot's own trajectory controller moves all.
+    """
+    parser = Arguments(play, (
+        'output/excite/trajectory.yaml',
+        'output/excite/trajectory.yaml --controller joint_trajectory_controller'))
+    parser.add_argument('trajectory', metavar='FILE', type=Path,
+                        help='trajectory_msgs/JointTrajectory as YAML')
+    parser.add_argument('--joint', metavar='NAME', help='move this joint only')
+    parser.add_argument('--controller', metavar='NAME',
+                        help='trajectory controller with the action NAME/follow_joint_trajectory')
+    arguments = parser.parse(argv)
+    from friction_comp.trajectory import Trajectory
+
+    trajectory = Trajectory.load(arguments.trajectory)
+    if arguments.joint:
+        trajectory = trajectory.of(arguments.joint)
+    from friction_comp.ros.tool_client import ToolClient
+
+    with ToolClient(patience=20.0) as ros, progress('playing') as show:
+        if arguments.controller:
+            ros.play_on(arguments.controller, trajectory,
+                        lambda share, phase: show(share, f'playing: {phase}'))
+        else:
+            for index, joint in enumerate(trajectory.joints):
+                def report(share: float, phase: str, k: int = index, name: str = joint) -> None:
+                    show((k + share) / len(trajectory.joints), f'{name}: {phase}')
+                ros.play(trajectory.of(joint), report)
+    print(f'played {arguments.trajectory}: {", ".join(trajectory.joints)}')
+    return 0
