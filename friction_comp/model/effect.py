@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import namedtuple
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 import copy
 from dataclasses import dataclass
 from itertools import product
@@ -117,6 +117,8 @@ def too_coarse(coverage: Coverage) -> bool:
 
 _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
              'gap', 'time_constant', 'speed')
+# Parts of the load that effects put on the gear, constants of those that use it.
+LOADS = ('cosine', 'sine', 'slope', 'offset', 'inertia')
 # Samples up to which states are computed without a compiler.
 _SHORT = 4000
 # Signals of which a recording has a range.
@@ -165,11 +167,12 @@ class Effect(ABC):
     # Whether a sample's value depends on earlier ones: then it has `step`, `start` and `memory`.
     has_memory = False
     not_fed_back = ''   # why the compensator must not apply it; empty if it may
+    live: dict[str, float] = {}     # constants that differ as the compensator applies it
     # Whether it is fed back only in motion: at rest it would move an untouched joint.
     fed_back_in_motion = False
     weight = False      # whether it supports the limb, which the robot's controller may already do
-    # The constants of `InnerLoadFriction` that its coefficients are; of one that loads the teeth at
-    # rest, the span in rad below which the offset of Eq. 6 is part of that load.
+    # Which of `LOADS` its coefficients are; of one that loads the teeth at rest, the span in rad
+    # below which the offset of Eq. 6 is part of that load.
     loads: tuple[str, ...] = ()
     offset_within: float | None = None
     # Whether its constants contain the load of the other effects on the gear.
@@ -250,14 +253,15 @@ class Effect(ABC):
     @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
                    ) -> dict[str, float]:
-        """Return its share of the load on the teeth, as constants of `InnerLoadFriction`."""
+        """Return its share of the load on the teeth, by `LOADS`."""
         return dict(zip(cls.loads, coefficients))
 
     @classmethod
     def with_loads(cls, constants: dict[str, Any],
-                   shares: Iterable[dict[str, float]]) -> dict[str, Any]:
+                   shares: Sequence[dict[str, float]]) -> dict[str, Any]:
         """Return the constants with the loads of other effects, if it `uses_inner_load`."""
-        return constants
+        return constants if not cls.uses_inner_load else {**constants, **{
+            name: float(sum(share.get(name, 0.0) for share in shares)) for name in LOADS}}
 
     @classmethod
     def known_coefficients(cls, drive: Drive) -> list[float] | None:
@@ -300,10 +304,6 @@ class Effect(ABC):
             state = first if is_first else cls.step(state, dt, dq, speed, c)
             states.append(state)
         return np.array(states)
-
-    def fed_back(self) -> Effect:
-        """Return the effect as the compensator applies it, if it may."""
-        return self
 
     def dahl_friction(self) -> tuple[float, float] | None:
         """Return the friction that reverses as in Dahl's model, A, and its distance; or None."""
@@ -436,8 +436,7 @@ class LiveTerm:
     """An effect as the compensator evaluates it, one sample at a time, in order of time."""
 
     def __init__(self, effect: Effect) -> None:
-        effect = effect.fed_back()
-        values = dict(effect.values)
+        values = {**effect.values, **effect.live}
         self._transition = None
         if 'transition' in values:
             self._transition = values['transition'] = max(values['transition'], SHARPEST_LIVE)

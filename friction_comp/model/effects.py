@@ -7,7 +7,7 @@ At positions, effects repeat or occur once: cogging, friction ripple, worn teeth
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 import math
 from typing import Any
 
@@ -18,6 +18,7 @@ from friction_comp.model.effect import (
     CARRIES,
     Coverage,
     Effect,
+    LOADS,
     NEITHER,
     ResidualView,
     RESISTS,
@@ -69,9 +70,11 @@ class ViscousShape(Effect):
     coefficient_names = (('size at the reference speed', 'A'),)
     variable = 'velocity'
     range_margins = {'velocity': 0.25}
-    # Below a fifth it resembles Coulomb friction; above 3.5, a few fast samples determine it.
-    constants = {'exponent': SearchRange(1.3, limits=lambda *_: (0.2, 3.5)), 'reference': None,
-                 'transition': None}
+    # Below a fifth it resembles Coulomb friction, near 1 viscous friction; above 3.5, a few fast
+    # samples determine it.
+    constants = {'exponent': SearchRange(1.3, limits=lambda _, constants: (
+        (0.2, 0.85) if constants['exponent'] < 1.0 else (1.2, 3.5))),
+        'reference': None, 'transition': None}
     tried = {'exponent': (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0),
              'reference': lambda coverage: (coverage.speed,)}
     shown_by = (_speed_varied,)
@@ -93,14 +96,6 @@ class ViscousShape(Effect):
         # A root that is subtracted is Stribeck friction, and endlessly steep at standstill.
         return (1,) if constants['exponent'] < 1.0 else (0,)
 
-    @classmethod
-    def limited(cls, name: str, value: float, constants: dict[str, float],
-                coverage: Coverage) -> float:
-        # At 1, the term is collinear with viscous friction.
-        if name == 'exponent' and 0.85 < value < 1.2:
-            return 0.85 if value < 1.0 else 1.2
-        return super().limited(name, value, constants, coverage)
-
     def symbols(self) -> dict[str, Any]:
         return {**super().symbols(), 'slope': self._slope(self.values['exponent'])}
 
@@ -118,6 +113,8 @@ class DirectionAsymmetry(Effect):
                          ('half the difference of viscous friction', 'A·s/rad'))
     variable = 'direction'
     constants = {'offset': None, 'transition': None}
+    # At rest, breakaway has its own two values.
+    live = {'offset': 0.0}
     tried = {'offset': (1.0,)}
     shown_by = (lambda coverage: coverage.both_directions,)
     summary = ('Direction: half of what the positive direction needs more than the negative one is '
@@ -128,14 +125,6 @@ class DirectionAsymmetry(Effect):
     def symbols(self) -> dict[str, Any]:
         sign = f'·tanh(v/{self.values["transition"]:.5g})^2'
         return {**super().symbols(), 'shape': sign * (not self.values['offset'])}
-
-    def fed_back(self) -> DirectionAsymmetry:
-        # At rest, breakaway has its own two values.
-        return DirectionAsymmetry({**self.parameters, 'offset': 0.0})
-
-
-# Parts of the load that other effects put on the gear.
-_LOADS = ('cosine', 'sine', 'slope', 'offset', 'inertia')
 
 
 class Gravity(Effect):
@@ -293,12 +282,6 @@ class CarriedLoadFriction(LoadFriction):
     columns = staticmethod(lambda x, c: (x.sign * abs(x.rigid_body) ** c.exponent,))
 
 
-def _speed_of_fading(coverage: Coverage, constants: dict[str, float]) -> tuple[float, float]:
-    """Return the limits of the fading speed; without fading, the constant is not searched."""
-    return (coverage.slowest, 2.0 * coverage.speed) if constants['fading'] else (
-        constants['velocity'], constants['velocity'])
-
-
 class InnerLoadFriction(Effect):
     """``A·tanh(v/v_t)·|L|^p``, fading with speed where `fading` is 1: load-dependent friction.
 
@@ -315,8 +298,11 @@ class InnerLoadFriction(Effect):
     uses_inner_load = True
     max_count = 2
     signs = (1,)
-    constants = {**dict.fromkeys(_LOADS), 'with_inertia': None, 'exponent': None, 'fading': None,
-                 'velocity': SearchRange(1.6, limits=_speed_of_fading), 'transition': None}
+    # Without fading, its speed is not searched.
+    constants = {**dict.fromkeys(LOADS), 'with_inertia': None, 'exponent': None, 'fading': None,
+                 'velocity': SearchRange(1.6, limits=lambda coverage, constants: (
+                     (coverage.slowest, 2.0 * coverage.speed) if constants['fading'] else
+                     (constants['velocity'], constants['velocity']))), 'transition': None}
     summary = ('Load-dependent friction: {A:.3g} A of friction for 1 A (to the power {exponent:g}) '
                'of the load that gravity or a spring makes')
     equation = ('{A:+.5g}·tanh(v/{transition:.5g})·|{cosine:+.5g}·cos(q) {sine:+.5g}·sin(q) '
@@ -328,18 +314,9 @@ class InnerLoadFriction(Effect):
         fading = np.geomspace(0.05 * coverage.speed, coverage.speed, 4).tolist()
         shapes = [(1.0, 0.0, coverage.speed), (2.0, 0.0, coverage.speed),
                   *((1.0, 1.0, value) for value in fading)]
-        return [{**dict.fromkeys(_LOADS, 0.0), 'with_inertia': with_inertia, 'exponent': exponent,
+        return [{**dict.fromkeys(LOADS, 0.0), 'with_inertia': with_inertia, 'exponent': exponent,
                  'fading': fading, 'velocity': velocity}
                 for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]
-
-    @classmethod
-    def with_loads(cls, constants: dict[str, float],
-                   shares: Iterable[dict[str, float]]) -> dict[str, float]:
-        total = dict.fromkeys(_LOADS, 0.0)
-        for share in shares:
-            for name, value in share.items():
-                total[name] += float(value)
-        return {**constants, **total}
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -483,6 +460,9 @@ class Bump(Effect):
             max(0.002 * coverage.span, coverage.resolution), 0.2 * coverage.span)),
         'exponent': SearchRange(2.2, limits=lambda *_: (1.0, 10.0)),
         'directional': None, 'transition': None}
+    tried = {'position': lambda coverage: (0.5 * (coverage.lowest + coverage.highest),),
+             'width': lambda coverage: np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5),
+             'exponent': (2.0,), 'directional': (1.0, 0.0)}
     # At one speed, the few samples of starts and reversals look like bumps.
     shown_by = (turns_seldom, lambda coverage: coverage.speed_spread >= _NEARLY_ONE_SPEED)
     summary = 'Bump: {A:+.3g} A at {position:.4g} rad, with a width of {width:.2g} rad'
@@ -495,39 +475,22 @@ class Bump(Effect):
         self.role = RESISTS if self.values['directional'] else CARRIES
 
     @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'position': position, 'width': width, 'exponent': 2.0, 'directional': directional}
-                for width, places in cls._places(coverage) for position in places.tolist()
-                for directional in (1.0, 0.0)]
-
-    @staticmethod
-    def _places(coverage: Coverage) -> Iterator[tuple[float, np.ndarray]]:
-        """Yield the widths of the grid, and the positions for each."""
-        for width in np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5).tolist():
-            # About the middle, so that both directions of position count alike.
-            each_way = math.ceil(0.5 * coverage.span / width)
-            yield width, 0.5 * (coverage.lowest + coverage.highest) + width * np.arange(
-                -each_way, each_way + 1)
-
-    @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
         """Return for each width where the mean of the residual stands out most from its scatter."""
-        order = np.argsort(view.position)
-        position, proposed = view.position[order], []
-        # Sums over positions up to each, by whether the bump changes sign with the direction.
-        totals = {directional: np.concatenate(([0.0], np.cumsum(values[order])))
-                  for directional, values in ((1.0, view.residual * view.sign),
-                                              (0.0, view.residual))}
-        for width, places in cls._places(view.coverage):
-            low = np.searchsorted(position, places - width)
-            high = np.searchsorted(position, places + width)
-            count = high - low
-            for directional, sums in totals.items():
-                score = np.where(count < _FEWEST, 0.0,
-                                 (sums[high] - sums[low]) ** 2 / np.maximum(count, 1))
-                proposed += [{'position': float(places[k]), 'width': width, 'exponent': 2.0,
-                              'directional': directional, 'transition': view.coverage.transition}
-                             for k in np.argsort(score)[::-1][:_PLACES]]
+        order, proposed = np.argsort(view.position), []
+        position, span = view.position[order], view.coverage.span
+        for constants in cls.points(view.coverage):
+            width, values = constants['width'], view.residual * (
+                view.sign if constants['directional'] else 1.0)
+            # About the middle, so that both directions of position count alike.
+            each_way = math.ceil(0.5 * span / width)
+            places = constants['position'] + width * np.arange(-each_way, each_way + 1)
+            low, high = (np.searchsorted(position, places + way) for way in (-width, width))
+            count, sums = high - low, np.concatenate(([0.0], np.cumsum(values[order])))
+            score = np.where(count < _FEWEST, 0.0,
+                             (sums[high] - sums[low]) ** 2 / np.maximum(count, 1))
+            proposed += [{**constants, 'position': float(places[k])}
+                         for k in np.argsort(score)[::-1][:_PLACES]]
         return proposed
 
     @staticmethod

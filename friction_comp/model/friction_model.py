@@ -118,10 +118,7 @@ class FrictionModel:
         >>> model.feed_forward(0.0, 1.0)
         0.7
         """
-        gain = self.torque_per(self.unit)
-        if gain is None:
-            raise InputError(f'the unit of the model is {self.unit}: without torque constant and '
-                             'gear ratio it gives no torque')
+        gain = self.torque_per_unit()
         for effect in self.effects:
             if {'rigid_body', 'coupling'} & set(effect.needs):
                 raise InputError(f"effect '{effect.name}' needs the motion of the whole arm: "
@@ -195,17 +192,29 @@ class FrictionModel:
     def unit(self) -> str:
         """The unit of its current: that of the notes, else A, or N·m without constants."""
         default = 'N·m' if self.drive.torque_per_current == 1.0 else 'A'
-        return str(self.notes.get('unit', default))
+        return str(self.notes.get('unit') or default)
 
-    def torque_per(self, unit: str) -> float | None:
-        """Return the torque (or force) at the joint of one unit of current; None if unknown.
+    @property
+    def gain(self) -> float | None:
+        """The torque (or force) at the joint of one unit of its current; None if unknown.
 
         Constants of 1 and 1 mean that nobody gave torque constant and gear ratio.
         """
         gain = self.drive.torque_per_current
-        if unit in ('N·m', 'N'):
+        if self.unit in ('N·m', 'N'):
             return 1.0
-        return gain if unit == 'A' and gain != 1.0 else None
+        return gain if self.unit == 'A' and gain != 1.0 else None
+
+    def torque_per_unit(self) -> float:
+        """Return the torque (or force) of one unit of its current; InputError if unknown."""
+        if self.gain is None:
+            raise InputError(f'its unit is {self.unit}, ' + (
+                'and no torque constant and gear ratio are known: refine with --torque-constant '
+                "and --gear-ratio, or write them into the model's section drive"
+                if self.unit == 'A' else
+                'which is no torque, force or current: what belongs to it is no friction of a '
+                'joint alone. Refine a recording of the torque or of the current'))
+        return self.gain
 
     def measured(self, samples: Samples) -> np.ndarray:
         """Return the measured current in A, shape (N,), with which `predict` is compared.

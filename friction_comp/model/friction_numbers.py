@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.errors import InputError
 from friction_comp.model.effect import Effect, RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import LINE
@@ -76,13 +75,12 @@ class FrictionNumbers:
     left_out: list[Beside]  # of the formula
 
 
-def friction_of(model: FrictionModel, unit: str = '') -> FrictionNumbers:
-    """Return the numbers of a model with the intervals that it holds.
+def friction_of(model: FrictionModel) -> FrictionNumbers:
+    """Return the numbers of a model in its unit of current, with the intervals that it holds.
 
-    They are in its unit of current, called `unit` if that is given. In one direction of motion, the
-    offset is part of Coulomb friction.
+    In one direction of motion, the offset is part of Coulomb friction.
     """
-    unit, rows = unit or model.unit, states_of(model)
+    unit, rows = model.unit, states_of(model)
     numbers: dict[str, Any] = {**line_of(model), 'inertia': inertia_of(model),
                                'transition': 2.0 / model.sigmoid.steepness}
     if not model.in_both_directions:
@@ -98,7 +96,7 @@ def friction_of(model: FrictionModel, unit: str = '') -> FrictionNumbers:
             if (value := getattr(model.presliding, name)) is not None},
         beside=[_beside(effect, rows, unit) for effect in model.effects
                 if effect.holds_on_another_day and effect.name not in _HELD],
-        unit=unit, torque_per_current=model.torque_per(unit), inertia_holds=inertia_holds(model),
+        unit=unit, torque_per_current=model.gain, inertia_holds=inertia_holds(model),
         formula=formula_of(model, unit), left_out=left_out_of(model, rows, unit))
 
 
@@ -327,24 +325,9 @@ class SimulatorJoint:
                 if high > 0.0 and name not in least})
 
 
-def torque_per_unit(model: FrictionModel) -> float:
-    """Return the torque (or force) of one unit of a model's current.
-
-    Raises InputError if its unit is no torque, force, or current with known constants.
-    """
-    gain = model.torque_per(model.unit)
-    if gain is None:
-        raise InputError(f'its unit is {model.unit}, ' + (
-            'and no torque constant and gear ratio are known: refine with --torque-constant and '
-            "--gear-ratio, or write them into the model's section drive" if model.unit == 'A' else
-            'which is no torque, force or current: what belongs to it is no friction of a joint '
-            'alone. Refine a recording of the torque or of the current'))
-    return gain
-
-
 def simulator_joint(model: FrictionModel, form: str) -> SimulatorJoint:
-    """Return the numbers of a model for a form; raises InputError as `torque_per_unit`."""
-    gain, numbers = torque_per_unit(model), friction_of(model)
+    """Return the numbers of a model for a form; raises InputError without a torque."""
+    gain, numbers = model.torque_per_unit(), friction_of(model)
     springs = [effect for effect in model.effects if effect.name == 'spring']
     static, static_is, ends = _static(model, numbers.coulomb)
     ranges = {**numbers.intervals, **({'static': ends} if ends else {})}
@@ -374,7 +357,7 @@ def _table(model: FrictionModel, gain: float) -> tuple[np.ndarray, np.ndarray]:
 
 def _left_out(model: FrictionModel, numbers: FrictionNumbers, form: str) -> list[str]:
     """Return what a form lacks of a model, with its size in the recorded motion."""
-    keys, gain, motion, lines = KEYS[form], torque_per_unit(model), motion_in_words(model), []
+    keys, gain, motion, lines = KEYS[form], model.torque_per_unit(), motion_in_words(model), []
     unit = 'N' if model.is_linear else 'N·m'
     held = {effect.name for effect in model.effects if effect.variable in OF_SPEED
             } if form == 'csv' else {'spring'} if 'stiffness' in keys else set()
@@ -426,7 +409,7 @@ def loss_of(model: FrictionModel, joint: SimulatorJoint) -> tuple[float, float]:
             and (effect.name != 'inertia' or joint.form not in ('tanh', 'csv'))
             and effect.holds_on_another_day
             and all(getattr(motion, name) is not None for name in effect.needs)]
-    torque = torque_per_unit(model) * replace(model, arm=None, effects=kept).current(
+    torque = model.torque_per_unit() * replace(model, arm=None, effects=kept).current(
         motion, sliding=True)
     size, error = rms(torque), rms(torque - joint.torque(motion))
     return error, error / size if size else 0.0

@@ -9,7 +9,7 @@ must therefore be of similar size, and below the drive's limit.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 import math
 
 import numpy as np
@@ -19,8 +19,8 @@ from friction_comp.model.effect import Effect, RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
 
-CURRENT, TORQUE = 'A', 'N·m'
-"""Units in which a motor can be commanded; `notes.unit` of a model is A if it is not given."""
+TORQUE = 'N·m'
+"""The unit in which a motor can be commanded beside A."""
 
 RECORD_AGAIN = 'record again'
 """The verdict of refinement on data that do not support a model."""
@@ -52,20 +52,12 @@ def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[st
     if not model.friction_known:
         raise InputError('it has no sigmoid: nothing has measured the friction of this drive yet. '
                          'Identify the joint, or refine a recording of it, and give the new file')
-    unit = unit_of(model)
-    if unit not in (CURRENT, TORQUE):
+    if model.unit not in ('A', TORQUE):
         raise InputError(
-            f"notes.unit: its figures are in '{unit}', not in A or N·m: they are no current. "
+            f"notes.unit: its figures are in '{model.unit}', not in A or N·m: they are no current. "
             "Convert the recording's effort and refine it again")
-    motion = _motion(model)
-    friction = _check_sigmoid(model, motion)
-    resisting = [_check_effect(model, effect, motion, friction) for effect in model.effects]
-    _check_breakaway(model, friction + sum(resisting))
-
-
-def unit_of(model: FrictionModel) -> str:
-    """Return the unit of the model's currents by its notes."""
-    return str(model.notes.get('unit') or CURRENT)
+    for fault in _faults(model):
+        raise InputError(fault)
 
 
 def doubts(model: FrictionModel) -> list[str]:
@@ -89,7 +81,78 @@ def is_to_be_recorded_again(model: FrictionModel) -> bool:
     return bool(model.notes.get('verdict') == RECORD_AGAIN)
 
 
+def _faults(model: FrictionModel) -> Iterator[str]:
+    """Yield what no drive has; what comes later relies on what came before."""
+    speeds = np.linspace(-1.0, 1.0, 401) * model.largest_speed(_SPEED)
+    current, motion = np.asarray(model.sigmoid(speeds), dtype=float), _motion(model)
+    yield from _of_sigmoid(model, speeds[-1], current)
+    friction = resisting = float(np.abs(current).max())
+    for effect in model.effects:
+        with np.errstate(all='ignore'):
+            size = float(np.abs(effect.current(motion)).max())
+        yield from _of_effect(model, effect, size, friction)
+        resisting += size * (effect.role == RESISTS and not effect.not_fed_back)
+    for side, sign, plateau in (('positive', 1.0, model.sigmoid.upper),
+                                ('negative', -1.0, -model.sigmoid.lower)) * bool(model.breakaway):
+        mean = sign * getattr(model.breakaway, f'{side}_mean')
+        spread = getattr(model.breakaway, f'{side}_std')
+        yield from _above_limit(model, mean, f'breakaway.{side}: {_said(model, mean)} is')
+        if mean > _LARGEST_RATIO * resisting or mean < _SMALLEST_RATIO * plateau:
+            yield (f'breakaway.{side}: {_said(model, mean)} does not match sliding friction of '
+                   f'{plateau:.3g} to {_said(model, resisting)}')
+        if spread > mean:
+            yield (f'breakaway.{side}: the standard deviation {_said(model, spread)} is more than '
+                   'the mean')
+
+
+def _said(model: FrictionModel, figure: float) -> str:
+    return f'{figure:.4g} {model.unit}'
+
+
+def _above_limit(model: FrictionModel, current: float, what: str) -> Iterator[str]:
+    if current > (limit := model.drive.current_limit):
+        yield (f'{what} more than drive.current_limit of {_said(model, limit)}: give the limit of '
+               'the motor there')
+
+
+def _of_sigmoid(model: FrictionModel, top: float, current: np.ndarray) -> Iterator[str]:
+    """Yield what is wrong with the sigmoid, of currents in A, (N,), up to a speed, rad/s."""
+    if not np.isfinite(current).all():
+        yield 'sigmoid: its currents are not finite'
+    if not current[0] < 0.0 < current[-1]:
+        yield (f'sigmoid: {_said(model, current[-1])} forwards and {_said(model, current[0])} '
+               'backwards do not have the sign of friction')
+    if (np.maximum.accumulate(current) - current).max() > _DIP * (current[-1] - current[0]):
+        yield 'sigmoid: it falls with speed; use the effect stribeck for such friction'
+    largest, table = float(np.abs(current).max()), model.lookup_table or {}
+    yield from _above_limit(
+        model, largest, f'sigmoid: {_said(model, largest)} at {top:.3g} rad/s is')
+    # Refinement fits another sigmoid to recordings and keeps the table.
+    if table.get('speeds') and not model.differentiation:
+        known = np.asarray(table['currents'], dtype=float)
+        miss = np.abs(model.sigmoid(table['speeds']) - known).max()
+        if miss > _MISS * np.abs(known).max():
+            yield ('sigmoid: it misses the lookup_table, which it was fitted to, by '
+                   f'{_said(model, miss)}')
+
+
+def _of_effect(model: FrictionModel, effect: Effect, size: float, friction: float
+               ) -> Iterator[str]:
+    """Yield what is wrong with an effect of a size, beside sliding friction, A."""
+    name = f"effect '{effect.name}'"
+    if (exponent := effect.values.get('exponent', 0.0)) > _STEEPEST:
+        yield f'{name}: exponent {exponent:g} is above {_STEEPEST:g}'
+    if not math.isfinite(size):
+        yield f'{name} gives currents that are not finite'
+    if effect.role != RESISTS and not effect.not_fed_back:
+        yield from _above_limit(model, size, f'{name}: {_said(model, size)} are')
+    elif size > _LARGEST_RATIO * friction and not effect.not_fed_back:
+        yield (f'{name}: {_said(model, size)} are too many beside sliding friction of '
+               f'{_said(model, friction)}')
+
+
 def _motion(model: FrictionModel) -> Samples:
+    """Return a movement to and fro at the model's largest speed, with all signals of effects."""
     speed = model.largest_speed(_SPEED)
     time = np.arange(0.0, 2.0 * _PERIOD, 1.0 / _RATE)
     turn = 2.0 * math.pi / _PERIOD
@@ -99,86 +162,3 @@ def _motion(model: FrictionModel) -> Samples:
         current=np.zeros(time.size), load=model.drive.torque_per_current * np.sin(3.0 * time),
         temperature=np.linspace(_COLD, _WARM, time.size), rigid_body=np.zeros(time.size),
         coupling=np.zeros(time.size))
-
-
-def _check_sigmoid(model: FrictionModel, motion: Samples) -> float:
-    velocity = np.asarray(motion.velocity)
-    speeds = np.linspace(velocity.min(), velocity.max(), 401)
-    current = np.asarray(model.sigmoid(speeds), dtype=float)
-    if not np.isfinite(current).all():
-        raise InputError('sigmoid: its currents are not finite')
-    if not current[0] < 0.0 < current[-1]:
-        raise InputError(
-            f'sigmoid: {_said(model, current[-1])} forwards and {_said(model, current[0])} '
-            'backwards do not have the sign of friction')
-    span = current[-1] - current[0]
-    if (np.maximum.accumulate(current) - current).max() > _DIP * span:
-        raise InputError('sigmoid: it falls with speed; use the effect stribeck for such friction')
-    largest = np.abs(current).max()
-    _check_limit(model, largest, f'sigmoid: {_said(model, largest)} at {speeds[-1]:.3g} rad/s is')
-    _check_table(model)
-    return float(largest)
-
-
-def _said(model: FrictionModel, figure: float) -> str:
-    return f'{figure:.4g} {unit_of(model)}'
-
-
-def _check_limit(model: FrictionModel, current: float, what: str) -> None:
-    if current > model.drive.current_limit:
-        raise InputError(
-            f'{what} more than drive.current_limit of {_said(model, model.drive.current_limit)}: '
-            'give the limit of the motor there')
-
-
-def _check_table(model: FrictionModel) -> None:
-    table = model.lookup_table or {}
-    # Refinement fits another sigmoid to recordings and keeps the table.
-    if model.differentiation or not table.get('speeds'):
-        return
-    currents = np.asarray(table['currents'], dtype=float)
-    miss = np.abs(model.sigmoid(table['speeds']) - currents).max()
-    if miss > _MISS * np.abs(currents).max():
-        raise InputError(
-            f'sigmoid: it misses the lookup_table, which it was fitted to, by {_said(model, miss)}')
-
-
-def _check_effect(model: FrictionModel, effect: Effect, motion: Samples, friction: float) -> float:
-    """Return the largest current that an effect adds to sliding friction, A."""
-    for name, value in effect.values.items():
-        if name == 'exponent' and value > _STEEPEST:
-            raise InputError(f"effect '{effect.name}': exponent {value:g} is above {_STEEPEST:g}")
-    with np.errstate(all='ignore'):
-        current = effect.current(motion)
-    if not np.isfinite(current).all():
-        raise InputError(f"effect '{effect.name}' gives currents that are not finite")
-    largest = float(np.abs(current).max(initial=0.0))
-    if effect.not_fed_back:
-        return 0.0
-    if effect.role == RESISTS:
-        if largest > _LARGEST_RATIO * friction:
-            raise InputError(
-                f"effect '{effect.name}': {_said(model, largest)} are too many beside sliding "
-                f'friction of {_said(model, friction)}')
-        return largest
-    _check_limit(model, largest, f"effect '{effect.name}': {_said(model, largest)} are")
-    return 0.0
-
-
-def _check_breakaway(model: FrictionModel, friction: float) -> None:
-    if model.breakaway is None:
-        return
-    for side, mean, spread, plateau in (
-            ('positive', model.breakaway.positive_mean, model.breakaway.positive_std,
-             model.sigmoid.upper),
-            ('negative', -model.breakaway.negative_mean, model.breakaway.negative_std,
-             -model.sigmoid.lower)):
-        _check_limit(model, mean, f'breakaway.{side}: {_said(model, mean)} is')
-        if mean > _LARGEST_RATIO * friction or mean < _SMALLEST_RATIO * plateau:
-            raise InputError(
-                f'breakaway.{side}: {_said(model, mean)} does not match sliding friction of '
-                f'{plateau:.3g} to {_said(model, friction)}')
-        if spread > mean:
-            raise InputError(
-                f'breakaway.{side}: the standard deviation {_said(model, spread)} is more than the '
-                'mean')

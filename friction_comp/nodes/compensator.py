@@ -22,7 +22,7 @@ from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import load_compiled_code, Loaded, try_model
 from friction_comp.errors import InputError
 from friction_comp.messages import NANO, nanoseconds
-from friction_comp.model.motor_check import doubts, is_to_be_recorded_again, TORQUE, unit_of
+from friction_comp.model.motor_check import doubts, is_to_be_recorded_again, TORQUE
 from friction_comp.ros import node_parts as parts
 from friction_comp.ros.joint_io import CommandPort, competing_publishers, QOS
 from friction_comp.ros.ros_start import steady_timer
@@ -211,7 +211,8 @@ class CompensatorNode(LifecycleNode):
         """
         loaded, joints = [], self._settings.joints
         for model, path in zip(parts.load_models(files, joints, for_motor=True), files):
-            if unit_of(model) == TORQUE and self._settings['command_interface'] == 'current':
+            if (model.notes.get('unit') == TORQUE
+                    and self._settings['command_interface'] == 'current'):
                 raise InputError(
                     f'{path}: its figures are in N·m, the commands in A: set command_interface to '
                     'effort, or refine it with --torque-constant and --gear-ratio')

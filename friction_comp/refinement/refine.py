@@ -209,7 +209,7 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
     dependences = remaining_dependences(
         rows.at_rows.take(order), rows.averaged(refined.held_out)[order], rows.coverage.slowest)
     between = judge.other_recordings(fit)
-    friction = friction_of(model, unit)
+    friction = friction_of(replace(model, notes={**model.notes, 'unit': unit}))
     effects = [] if kept else effects_of(problem, fit, bounds, friction, unit)
     questions = [] if kept else judge.ambiguities(fit)
     base = 'the given model' if given else 'sigmoid of Eq. 6 fitted to the recording'

@@ -165,7 +165,7 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
             beyond += [(f'{name}: ' if len(models) > 1 else '') + in_own_units(
                 note, model.is_linear) for note in model.recorded.beyond(
                     moved.take(speed > 0.05 * speed.max()), told.effects, model.is_linear)]
-        gain = model.torque_per(unit)
+        gain = model.gain
         if gain is not None:
             columns[f'{prefix}torque'], units['torque'] = gain * current, in_own_units(
                 'N·m', model.is_linear)
