@@ -246,59 +246,33 @@ def _keep_input(path: Path) -> None:
 
 
 @contextmanager
-def new_folder(path: Path) -> Iterator[Path]:
-    """Yield where to make a folder that becomes `path`, which must not exist, if all succeeds.
-
-    It bears the same name, in a hidden folder beside `path`. Nothing is left otherwise.
-    """
-    if os.path.lexists(path):
-        raise InputError(f'{path}: already exists, a recording needs a new folder')
-    with _beside(path) as (unfinished, made):
-        draft = unfinished / path.name
-        try:
-            yield draft
-        except InputError as error:
-            raise InputError(str(error).replace(str(draft), str(path))) from None
-        os.rename(draft, path)
-        made.clear()
-
-
-def create(path: Path) -> BinaryIO:
-    """Return a new file that a recorder writes in its own place, chunk by chunk of up to 2 MB."""
-    return path.open('xb', buffering=1 << 21)
-
-
-@contextmanager
 def output_folder(path: Path) -> Iterator[Path]:
     """Yield a hidden folder for results, which are moved to `path` when the block succeeds.
 
-    Files with the same names in `path` are replaced, others are kept.
+    Files with the same names in `path` are replaced, others are kept. Otherwise nothing is left.
     """
+    import shutil  # imported late: it takes long, and a single file needs none of it
+
     if path.exists() and not path.is_dir():
         raise InputError(f'{path}: exists and is not a folder')
-    with _beside(path / 'results') as (unfinished, made):
-        yield unfinished
-        _move_content(unfinished, path)
-        made.clear()
-
-
-@contextmanager
-def _beside(path: Path) -> Iterator[tuple[Path, list[Path]]]:
-    """Yield a hidden folder beside `path`, which is removed, and which folders were made for it.
-
-    These are removed, too, unless the list is emptied. Errors of the system name the path.
-    """
-    made = [folder for folder in path.parents if not folder.exists()]
-    unfinished = path.with_name(f'.unfinished.{os.urandom(12).hex()}')
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    unfinished = path / f'.unfinished.{os.urandom(12).hex()}'
     try:
         unfinished.mkdir(parents=True)
-        yield unfinished, made
+        yield unfinished
+        for source in unfinished.rglob('*'):
+            target = path / source.relative_to(unfinished)
+            if target.exists() and (source.is_dir(), source.is_file()) != (
+                    target.is_dir(), target.is_file()):
+                raise InputError(f'{target}: exists and is no ordinary '
+                                 + ('folder' if source.is_dir() else 'file'))
+            if target.suffix != '.yaml':
+                _keep_input(target)
+        _move(unfinished, path)
+        made.clear()
     except OSError as error:
-        raise InputError(f'{path.parent if made else path}: cannot be written: '
-                         f'{error.strerror or error}') from None
+        raise InputError(f'{path}: cannot be written: {error.strerror or error}') from None
     finally:
-        import shutil  # imported late: it takes long, and a single file needs none of it
-
         # A second signal must not end what the first one began.
         with interrupts_deferred():
             shutil.rmtree(unfinished, ignore_errors=True)
@@ -308,21 +282,34 @@ def _beside(path: Path) -> Iterator[tuple[Path, list[Path]]]:
                     folder.rmdir()
 
 
-def _move_content(unfinished: Path, path: Path) -> None:
-    sources = sorted(unfinished.rglob('*'))
-    for source in sources:
-        target = path / source.relative_to(unfinished)
-        kind = 'folder' if source.is_dir() else 'file'
-        if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
-            raise InputError(f'{target}: exists and is no ordinary {kind}')
-        if target.suffix != '.yaml':
-            _keep_input(target)
-    for source in sources:
-        target = path / source.relative_to(unfinished)
-        if source.is_dir():
-            target.mkdir(exist_ok=True)
-        else:
-            os.replace(source, target)
+def _move(source: Path, target: Path) -> None:
+    """Move a file or folder; of a folder that is there already, all that is in it."""
+    if not (source.is_dir() and target.is_dir()):
+        os.replace(source, target)
+        return
+    for one in sorted(source.iterdir()):
+        _move(one, target / one.name)
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Yield where to make a folder that becomes `path`, which must not exist, if all succeeds.
+
+    It bears the same name. Nothing is left otherwise.
+    """
+    if os.path.lexists(path):
+        raise InputError(f'{path}: already exists, a recording needs a new folder')
+    with output_folder(path.absolute().parent) as unfinished, os_errors_name(
+            path, 'cannot be written: '):
+        try:
+            yield unfinished / path.name
+        except InputError as error:
+            raise InputError(str(error).replace(str(unfinished / path.name), str(path))) from None
+
+
+def create(path: Path) -> BinaryIO:
+    """Return a new file that a recorder writes in its own place, chunk by chunk of up to 2 MB."""
+    return path.open('xb', buffering=1 << 21)
 
 
 def check_folder(path: AnyPath) -> None:

@@ -17,10 +17,10 @@ import multiprocessing
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 import os
+import re
 import signal
 import threading
 from typing import Any, cast, TypeVar
-from urllib.parse import urlsplit
 
 from friction_comp.errors import InputError, one_line
 from friction_comp.interrupts import interrupts_deferred
@@ -175,7 +175,10 @@ def runner_on_cluster(address: str) -> Iterator[Runner]:
         from distributed import Client
     except ImportError:
         raise InputError("--scheduler needs Dask: pip install 'friction_comp[fleet]'") from None
-    _check_address(address)
+    # Dask's client of an address without a port tries to end for 20 s, and prints a traceback.
+    if not re.fullmatch(r'(?!tcp://)\w+://.+|(?:tcp://)?[^/]+:\d+', address):
+        raise InputError(f'--scheduler {address}: an address has a host and a port, for instance '
+                         'tcp://host:8786')
     try:
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
@@ -186,18 +189,6 @@ def runner_on_cluster(address: str) -> Iterator[Runner]:
             raise InputError(f'--scheduler {address}: has no workers: start some with '
                              f'dask worker {address} --nthreads 1')
         yield functools.partial(_run, client)
-
-
-def _check_address(address: str) -> None:
-    # Dask's client of an address without a port tries to end for 20 s, and prints a traceback.
-    try:
-        parts = urlsplit(address if '://' in address else f'tcp://{address}')
-        complete = parts.scheme != 'tcp' or bool(parts.hostname and parts.port)
-    except ValueError:
-        complete = False
-    if not complete:
-        raise InputError(f'--scheduler {address}: an address has a host and a port, for instance '
-                         'tcp://host:8786')
 
 
 def _run(client: Any, work: Callable[[Any], Any], items: Sequence[Any]) -> Outcomes[Any]:

@@ -1,11 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Statistics that several rooms need, without SciPy, which takes long to import."""
+"""Statistics that several rooms need; SciPy, which takes long to import, only where it is asked."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-import functools
 import math
 from typing import Any
 
@@ -17,9 +16,9 @@ CONFIDENCE = 0.95
 
 def student_tail(value: float, freedom: float) -> float:
     """Return the probability of a larger magnitude of Student's t than that of a value."""
-    if not math.isfinite(value):
-        return 0.0
-    return _beta_share(freedom / (freedom + value * value), 0.5 * freedom, 0.5)
+    from scipy.special import stdtr
+
+    return 2.0 * float(stdtr(freedom, -abs(value)))
 
 
 def student_quantile(freedom: Any) -> Any:
@@ -27,48 +26,9 @@ def student_quantile(freedom: Any) -> Any:
 
     `freedom` is one number or many; the result has its shape.
     """
-    return np.vectorize(_quantile_of_one, otypes=[float])(freedom)[()]
+    from scipy.special import stdtrit
 
-
-@functools.lru_cache(maxsize=1024)
-def _quantile_of_one(freedom: float) -> float:
-    low, high = 1.0, 2.0
-    while student_tail(high, freedom) > 1.0 - CONFIDENCE:
-        low, high = high, 2.0 * high
-    while high - low > 1e-12 * high:
-        middle = 0.5 * (low + high)
-        if middle in (low, high):
-            break
-        if student_tail(middle, freedom) > 1.0 - CONFIDENCE:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
-
-
-def _beta_share(x: float, a: float, b: float) -> float:
-    """Return the regularised incomplete beta function by its continued fraction.
-
-    `scipy.special` has it, but takes as long to import as an evaluation takes.
-    """
-    if x <= 0.0 or x >= 1.0:
-        return float(x >= 1.0)
-    if x > (a + 1.0) / (a + b + 2.0):
-        return 1.0 - _beta_share(1.0 - x, b, a)
-    front = math.exp(math.lgamma(a + b) - math.lgamma(a) - math.lgamma(b)
-                     + a * math.log(x) + b * math.log1p(-x)) / a
-    # Lentz's method.
-    c, d = 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1.0))
-    fraction = d
-    for k in range(1, 1000):
-        for term in (k * (b - k) * x / ((a + 2 * k - 1) * (a + 2 * k)),
-                     -(a + k) * (a + b + k) * x / ((a + 2 * k) * (a + 2 * k + 1))):
-            d = 1.0 / (1.0 + term * d)
-            c = 1.0 + term / c
-            fraction *= c * d
-        if abs(c * d - 1.0) < 1e-15:
-            break
-    return front * fraction
+    return stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE)
 
 
 def rms(values: np.ndarray) -> float:
