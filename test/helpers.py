@@ -19,16 +19,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from friction_comp.drive import Drive
 from friction_comp.files import package_file
 from friction_comp.identification.goal import Carried, IdentificationError, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.model_file import Breakaway, Presliding
+from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 
 ROOT = Path(__file__).resolve().parent.parent
+LEVEL = 0.1     # A
 # Of the current ramps on the note's drives, A/s
 SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
 # Of a quick identification
@@ -46,6 +50,13 @@ def note_model(number=1, **simulation):
     model = copy.deepcopy(_note_model(number))
     model.simulation.update(simulation)
     return model
+
+
+def small_model(factor=1.0):
+    """Return the model of a drive of `LEVEL`, sliding and breaking away."""
+    return FrictionModel(
+        drive=Drive(0.1, 100.0, 4000), sigmoid=Sigmoid(factor * LEVEL, -factor * LEVEL, 200.0),
+        breakaway=Breakaway(factor * LEVEL, -factor * LEVEL), presliding=Presliding(3e-4))
 
 
 def sines(time, waves):

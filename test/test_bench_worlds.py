@@ -132,13 +132,14 @@ def test_presliding_loops_close_and_hold_the_joint():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('seed', 'off'), [(6, 0.1), (25, 0.05)])
-def test_identification_finds_what_a_gear_has(seed, off):
+@pytest.mark.parametrize(('kind', 'seed', 'off'), [
+    ('lugre', 6, 0.1), ('lugre', 25, 0.05), ('maxwell_slip', 2, 0.05)])
+def test_identification_finds_what_a_gear_has(kind, seed, off):
     """The motion before the slide, a millimetre or more at the rim, is not taken for the slide.
 
     The first link is twenty times as heavy as its rotor, and does not rattle through it.
     """
-    bank = make_bank(world, ['lugre'], 1, seed)
+    bank = make_bank(world, [kind], 1, seed)
     (gear,), (found, refused) = bank.gears, identified_bank(bank)
     assert not refused
     model = FrictionModel.from_dict(found.documents[0])

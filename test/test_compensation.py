@@ -6,7 +6,7 @@ from dataclasses import replace
 import math
 
 from effect_maker import parameters_of
-from helpers import drive_along, note_model, ROOT
+from helpers import drive_along, LEVEL, note_model, ROOT, small_model
 from hypothesis import given, Phase, settings, strategies as st
 import numpy as np
 import pytest
@@ -35,7 +35,6 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 from friction_comp.simulation.joint import Plant
 from simulated_recordings.closed_loop import closed_loop
-from simulated_recordings.random_gears import LEVEL, small_model
 
 
 def test_printed_law_equals_its_equations():

@@ -5,7 +5,7 @@
 from dataclasses import replace
 import math
 
-from helpers import note_model
+from helpers import LEVEL, note_model, small_model
 import numpy as np
 import pytest
 
@@ -14,7 +14,6 @@ from friction_comp.compensation.law_kernel import LATE
 from friction_comp.compensation.law_parameters import SHARE
 from friction_comp.compensation.safety import END_BRAKE, END_MARGIN
 from friction_comp.simulation.joint import Plant
-from simulated_recordings.random_gears import LEVEL, small_model
 
 DEGREE = math.pi / 180.0
 HELP = SHARE - 0.5 * LATE     # some is withheld of a way that has lasted

@@ -1,8 +1,7 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Random simulated drives and gears, and loops around them, for tests and benchmarks.
+"""Random simulated drives, and a loop around a joint, for tests and benchmarks.
 
-Recordings of drives with undeclared effects (`drives`), gears whose friction is drawn from
-plausible ranges (`random_gears`), and plant, law and person in one loop without
-middleware (`closed_loop`), which the nodes in lockstep must agree with.
+Recordings of drives with undeclared effects (`drives`); and plant, law and person in one loop
+without middleware (`closed_loop`), which the nodes in lockstep must agree with.
 """
