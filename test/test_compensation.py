@@ -179,7 +179,7 @@ def test_sliding_and_resting_current_are_what_the_model_predicts(name, held):
     """Whatever terms hold most of the friction: the sigmoid, or an effect."""
     kind, base = EFFECTS[name], note_model(2)
     size = 0.15 if held else 0.05
-    coefficients = [held * size, *[0.0] * (len(kind.coefficient_names) - 1)]
+    coefficients = [held * size, *[0.0] * (len(kind.units) - 1)]
     effect = kind({'coefficients': coefficients, **CONSTANTS[name]})
     sigmoid = replace(base.sigmoid, upper=base.sigmoid.upper - held * size,
                       lower=base.sigmoid.lower + held * size)

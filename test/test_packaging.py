@@ -304,7 +304,7 @@ def test_no_model_loads_code_or_modules_while_a_motor_is_driven():
         law.retune('paper', 0.5, 1.0)
         currents(law)
     effects = [kind({**dict.fromkeys(kind.constants, 2.0),
-                     'coefficients': [0.01] * len(kind.coefficient_names)})
+                     'coefficients': [0.01] * len(kind.units)})
                for kind in EFFECTS.values()]
     try_model(replace(models[0], effects=effects), 'feed_forward', 'all effects')
     links = Tree(('one', 'two'), ('revolute', 'prismatic'), np.array([-1, 0]), [np.eye(3)] * 2,

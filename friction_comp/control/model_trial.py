@@ -60,7 +60,7 @@ def load_compiled_code() -> None:
     """Load all compiled code that a law may need, once; without the cache this takes seconds."""
     # Effects with memory and the arm are what is compiled beside the law itself.
     effects = [effect({**dict.fromkeys(effect.constants, 1.0),
-                       'coefficients': [0.0] * len(effect.coefficient_names)})
+                       'coefficients': [0.0] * len(effect.units)})
                for effect in EFFECTS.values()
                if effect.has_memory and effect.__module__.startswith('friction_comp.')]
     link = Tree(('joint',), ('revolute',), np.array([-1]), np.eye(3)[None], np.zeros((1, 3)),

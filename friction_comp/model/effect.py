@@ -149,8 +149,7 @@ class Effect(ABC):
     tried: dict[str, Tried] = {}
     # Whether recordings can show it.
     shown_by: tuple[Callable[[Coverage], bool], ...] = ()
-    # Meaning and unit of each coefficient; A stands for the unit of the recording.
-    coefficient_names: tuple[tuple[str, str], ...] = ()
+    units: tuple[str, ...] = ()     # of each coefficient; A stands for that of the recording
     # One sentence, its term of the model's formula in A, and what moves the state in that term, for
     # `str.format` with `symbols`.
     summary = equation = state_equation = ''

@@ -44,7 +44,7 @@ class Stribeck(Effect):
 
     name = 'stribeck'
     fades_in_sliding = True
-    coefficient_names = (('height at standstill', 'A'),)
+    units = ('A',)
     variable = 'velocity'
     # Near the top speed it would be curved viscous friction; near standstill it cannot be seen.
     constants = {'velocity': SearchRange(1.6, limits=lambda coverage, _: (
@@ -67,7 +67,7 @@ class ViscousShape(Effect):
     """
 
     name = 'viscous_shape'
-    coefficient_names = (('size at the reference speed', 'A'),)
+    units = ('A',)
     variable = 'velocity'
     range_margins = {'velocity': 0.25}
     # Below a fifth it resembles Coulomb friction, near 1 viscous friction; above 3.5, a few fast
@@ -109,8 +109,7 @@ class DirectionAsymmetry(Effect):
     """
 
     name = 'direction_asymmetry'
-    coefficient_names = (('half the difference of Coulomb friction', 'A'),
-                         ('half the difference of viscous friction', 'A·s/rad'))
+    units = ('A', 'A·s/rad')
     variable = 'direction'
     constants = {'offset': None, 'transition': None}
     # At rest, breakaway has its own two values.
@@ -131,8 +130,7 @@ class Gravity(Effect):
     """``A·cos(q) + B·sin(q)``, independent of the direction of motion."""
 
     name = 'gravity'
-    coefficient_names = (('part with the cosine of position', 'A'),
-                         ('part with the sine of position', 'A'))
+    units = ('A', 'A')
     variable = 'position'
     role = CARRIES
     in_first_model = weight = True
@@ -152,7 +150,7 @@ class Spring(Effect):
     """``A·(q - q0)``, independent of the direction of motion, as of a spring or a cable."""
 
     name = 'spring'
-    coefficient_names = (('stiffness', 'A/rad'),)
+    units = ('A/rad',)
     variable = 'position'
     role = CARRIES
     in_first_model = True
@@ -182,7 +180,7 @@ class Inertia(Effect):
     """``J/(k_t·n)·dv/dt``: inertia of motor, gear and limb."""
 
     name = 'inertia'
-    coefficient_names = (('inertia', 'A·s²/rad'),)
+    units = ('A·s²/rad',)
     variable = 'acceleration'
     role = CARRIES
     needs = ('acceleration',)
@@ -204,7 +202,7 @@ class RigidBody(Effect):
     """
 
     name = 'rigid_body'
-    coefficient_names = (('current per torque', 'A/(N·m)'),)
+    units = ('A/(N·m)',)
     variable = 'other joints'
     role = CARRIES
     needs = ('rigid_body',)
@@ -235,7 +233,7 @@ class LoadTorque(Effect):
     """``A·τ_b``: the current that the measured torque saves the motor; by mechanics -1/(k_t·n)."""
 
     name = 'load_torque'
-    coefficient_names = (('current per load', 'A/(N·m)'),)
+    units = ('A/(N·m)',)
     variable = 'load'
     role = NEITHER
     in_first_model = True
@@ -256,7 +254,7 @@ class LoadFriction(Effect):
     """``A·tanh(v/v_t)·|τ_b|^p``: friction that grows with the measured load on the teeth."""
 
     name = 'load_friction'
-    coefficient_names = (('friction at 1 N·m', 'A'),)
+    units = ('A',)
     variable = 'load'
     needs = ('load',)
     signs = (1,)
@@ -293,7 +291,7 @@ class InnerLoadFriction(Effect):
     """
 
     name = 'inner_load_friction'
-    coefficient_names = (('friction per load', 'A per A'),)
+    units = ('A per A',)
     variable = 'load'
     uses_inner_load = True
     max_count = 2
@@ -396,8 +394,7 @@ class Cogging(Effect):
     variable = 'position'
     role = CARRIES
     max_count = 4
-    coefficient_names = (('part with the cosine of the phase', 'A'),
-                         ('part with the sine of the phase', 'A'))
+    units = ('A', 'A')
     # With fewer periods over the range it is not a ripple.
     constants: dict[str, SearchRange | None] = {
         'frequency': SearchRange(
@@ -449,7 +446,7 @@ class Bump(Effect):
     """
 
     name = 'bump'
-    coefficient_names = (('height', 'A'),)
+    units = ('A',)
     variable = 'position'
     max_count = 3
     # Within the range, and narrower; a larger exponent is a step, which no motor is given.
@@ -530,7 +527,7 @@ class Hysteresis(Effect):
     """
 
     name = 'hysteresis'
-    coefficient_names = (('friction that reverses', 'A'), ('friction during the reversal', 'A'))
+    units = ('A', 'A')
     variable = 'history'
     # Beyond these exponents, presliding reverses at once, or never.
     constants = {
@@ -572,7 +569,7 @@ class Backlash(Effect):
 
     name = 'backlash'
     form_of = Hysteresis
-    coefficient_names = (('friction behind the backlash', 'A'),)
+    units = ('A',)
     variable = 'history'
     # The joint must cross both at each reversal.
     constants = {
@@ -611,7 +608,7 @@ class RestTime(Effect):
 
     name = 'rest_time'
     fades_in_sliding = True
-    coefficient_names = (('stiction after a long rest', 'A'),)
+    units = ('A',)
     variable = 'history'
     # With a time constant above the duration it is linear in time; below 0.1 s constant at rest.
     constants = {
@@ -651,9 +648,7 @@ class Temperature(Effect):
     """
 
     name = 'temperature'
-    coefficient_names = (('Coulomb friction per kelvin', 'A/K'),
-                         ('viscous friction per kelvin', 'A·s/(rad·K)'),
-                         ('offset per kelvin', 'A/K'))
+    units = ('A/K', 'A·s/(rad·K)', 'A/K')
     variable = 'temperature'
     needs = ('temperature',)
     # Friction falls almost linearly over tens of kelvin.
@@ -672,7 +667,7 @@ class OffsetDrift(Effect):
     """``A·exp(-t/τ)``: a drifting current independent of the direction, t as in `WarmUp`."""
 
     name = 'offset_drift'
-    coefficient_names: tuple[tuple[str, str], ...] = (('offset at the start', 'A'),)
+    units: tuple[str, ...] = ('A',)
     variable = 'time'
     role = NEITHER
     holds_on_another_day = False
@@ -696,9 +691,7 @@ class WarmUp(OffsetDrift):
     """
 
     name = 'warm_up'
-    coefficient_names = (('Coulomb friction at the start', 'A'),
-                         ('viscous friction at the start', 'A·s/rad'),
-                         ('offset at the start', 'A'))
+    units = ('A', 'A·s/rad', 'A')
     role = Effect.role
     not_fed_back = ('the temperature of the motor when the compensator starts is not known; fed '
                     'back it would over-compensate a drive that is already warm')

@@ -123,8 +123,7 @@ def _called(effect: FoundEffect) -> str:
 def amplitude_interval(effect: FoundEffect) -> list[float] | None:
     """Return the 95 % interval of an effect's one coefficient, or of the size of a sine."""
     bounds = effect.intervals.get('coefficients')
-    units = {unit for _, unit in EFFECTS[effect.name].coefficient_names} \
-        if effect.name in EFFECTS else set()
+    units = set(EFFECTS[effect.name].units) if effect.name in EFFECTS else set()
     if not bounds or len(units) != 1 or len(bounds) > 2 or any(None in ends for ends in bounds):
         return None
     if len(bounds) == 1:
