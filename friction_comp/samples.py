@@ -15,7 +15,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.statistics import median, smallest_step
+from friction_comp.statistics import gap_length, median, smallest_step
 
 _OPTIONAL = (
     'velocity', 'acceleration', 'load', 'temperature', 'command', 'direction',
@@ -278,22 +278,18 @@ class Samples:
         return smallest_step(self.position)
 
     @cached_property
-    def _segments(self) -> dict[float, list[slice]]:
-        return {}
+    def _segments(self) -> list[slice]:
+        step, other = np.diff(self.time), np.diff(self.recording) != 0
+        broken = (step > gap_length(step[~other])) | (step < 0) | other
+        edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(self)]
+        return [slice(begin, end) for begin, end in pairwise(edges) if end > begin]
 
-    def segments(self, largest_gap: float = 5.0) -> list[slice]:
-        """Return slices of samples without gaps, that is steps above `largest_gap` median ones.
+    def segments(self) -> list[slice]:
+        """Return slices of samples without gaps, see `gap_length`.
 
         A slice also ends where time decreases, and with a recording.
         """
-        if largest_gap not in self._segments:
-            step = np.diff(self.time)
-            broken = (step > largest_gap * max(self.sample_time, 1e-9)) | (step < 0)
-            broken |= np.diff(self.recording) != 0
-            edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(self)]
-            self._segments[largest_gap] = [
-                slice(begin, end) for begin, end in pairwise(edges) if end > begin]
-        return list(self._segments[largest_gap])
+        return list(self._segments)
 
     @staticmethod
     def concatenate(parts: Iterable[Samples]) -> Samples:

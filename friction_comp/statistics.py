@@ -57,6 +57,16 @@ def noise_level(values: np.ndarray) -> float:
     return float(np.median(np.abs(np.diff(values)))) / 0.954
 
 
+def gap_length(steps: np.ndarray) -> float:
+    """Return the time in s above which one of these time steps, shape (N,), counts as a gap.
+
+    It is longer than five usual steps and than 20 ms. Steps of 0, of samples that were sent again,
+    say nothing of the usual one.
+    """
+    steps = steps[steps > 0.0]
+    return max(5.0 * median(steps), 0.02) if len(steps) else 0.02
+
+
 def smallest_step(values: np.ndarray) -> float:
     """Return the smallest change between neighbours, usually one encoder count; 0 without any."""
     steps = np.abs(np.diff(values))

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from friction_comp.facts.timing import gap_length
 from friction_comp.samples import beyond, LIMITS, Samples
-from friction_comp.statistics import rms, smallest_step
+from friction_comp.statistics import gap_length, rms, smallest_step
 
 STANDSTILL = 0.01
 """rad/s; slower, friction balances the other torques of a joint instead of following a model."""

@@ -8,10 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from friction_comp.statistics import smallest_step
+from friction_comp.statistics import gap_length, smallest_step
 
-# A gap is longer than both: a number of usual time steps, and a time in s.
-_GAP_STEPS, _GAP = 5.0, 0.02
 _SLOWEST = 1.0
 """Longest usual time from row to row of a joint in motion, s."""
 _UNITS = {'s': 1.0, 'ms': 1e-3, 'µs': 1e-6, 'ns': 1e-9}
@@ -24,16 +22,6 @@ class Rhythm(NamedTuple):
     gaps: int       # steps longer than `gap_length`
     longest: float  # the longest step, s
     before: float   # time since the first sample at which it begins, s
-
-
-def gap_length(steps: np.ndarray) -> float:
-    """Return the time in s above which one of these time steps, shape (N,), counts as a gap.
-
-    Steps of 0, of samples that were sent again, say nothing of the usual one.
-    """
-    steps = steps[steps > 0.0]
-    # Not np.median: its first call imports numpy.ma, which takes 50 ms of a control loop.
-    return max(_GAP_STEPS * float(np.sort(steps)[len(steps) // 2]), _GAP) if len(steps) else _GAP
 
 
 def rhythm(time: np.ndarray) -> Rhythm:

@@ -13,10 +13,10 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.facts.motion import at_times
 from friction_comp.facts.recorded import check_plausible, moves, tidied, usable
-from friction_comp.facts.timing import gap_length
 from friction_comp.messages import NANO, TORQUE_UNIT
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.samples import JointStates, RecordingInfo, Samples
+from friction_comp.statistics import gap_length
 from friction_comp.tables.table_recording import TableRecording
 
 # Distance of a stamp from its neighbours above which it is far off, and of the clocks of two topics

@@ -380,7 +380,7 @@ def _time_figure(result: RefineResult, quantity_: str) -> Figure:
 def _excerpt(result: RefineResult) -> slice:
     """Return a stretch with eight reversals, 4 to 60 s, from the middle of the recording."""
     samples: Any = result.samples
-    part = max(samples.segments(20.0), key=lambda segment: segment.stop - segment.start)
+    part = max(samples.segments(), key=lambda segment: segment.stop - segment.start)
     time = samples.time[part]
     duration = max(float(np.ptp(time)), 1e-9)
     signs = np.sign(samples.velocity[part][result.usable[part]])

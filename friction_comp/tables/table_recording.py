@@ -14,8 +14,9 @@ import numpy as np
 from friction_comp.errors import errors_name, InputError, one_of
 from friction_comp.facts.motion import at_times, not_in_radians
 from friction_comp.facts.recorded import check_plausible, moves, tidied, usable
-from friction_comp.facts.timing import gap_length, not_in_seconds, unit_for
+from friction_comp.facts.timing import not_in_seconds, unit_for
 from friction_comp.samples import JointStates, RecordingInfo, Samples
+from friction_comp.statistics import gap_length
 from friction_comp.tables.columns import assign, Assignment, Column, Layout
 from friction_comp.tables.table_files import Columns, is_table, parts_of, Table, to_numbers
 from friction_comp.trajectory import Trajectory
