@@ -71,7 +71,7 @@ def cases(worlds, draws):
     """Return the cases of worlds: a function and its arguments."""
     from measured_table import ROWS
 
-    from simulated_recordings.cases import CASES
+    from simulated_recordings import CASES
 
     found = []
     if 'measured' in worlds:

@@ -25,8 +25,7 @@ import numpy as np
 from outside_effects import OUTSIDE
 
 from friction_comp.refinement import refine
-from simulated_recordings.cases import CASES
-from simulated_recordings.drives import excitation_for, random_drive, record
+from simulated_recordings import CASES, excitation_for, random_drive, record
 
 LIMIT = 1.3
 MOVING = 0.01

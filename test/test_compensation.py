@@ -5,6 +5,7 @@
 from dataclasses import replace
 import math
 
+from closed_loop import closed_loop
 from effect_maker import parameters_of
 from helpers import drive_along, LEVEL, note_model, ROOT, small_model
 from hypothesis import given, Phase, settings, strategies as st
@@ -34,7 +35,6 @@ from friction_comp.model.model_file import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 from friction_comp.simulation.joint import Plant
-from simulated_recordings.closed_loop import closed_loop
 
 
 def test_printed_law_equals_its_equations():

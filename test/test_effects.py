@@ -23,7 +23,7 @@ from friction_comp.samples import Samples
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque
 from friction_comp.statistics import rms
-from simulated_recordings.drives import Excitation, random_drive, record, SimulatedDrive
+from simulated_recordings import Excitation, random_drive, record, SimulatedDrive
 
 # Each effect obeys its docstring, and properties that all effects share for any numbers.
 
@@ -304,14 +304,14 @@ def plain_drive(effects, **changes):
         drive.model,
         drive=replace(drive.model.drive, torque_constant=0.01, gear_ratio=100.0),
         sigmoid=replace(drive.model.sigmoid, upper=1.0, lower=-1.0, viscous=0.4, steepness=300.0))
-    return SimulatedDrive(model=model, effects=effects, noise=0.0, presliding=1e-4,
+    return SimulatedDrive(model=model, effects=effects, noise=0.0,
                           **{'thermal': drive.thermal, **changes})
 
 
-def moved(effects, servo, load=0.0, **changes):
+def moved(effects, load=0.0, **changes):
     """Return steadily moving samples (x, v, t, load, current) of a recording with the effects."""
     drive = plain_drive(effects, **changes)
-    samples = record(drive, 4, Excitation(duration=40.0, servo=servo, load=load))[0].samples
+    samples = record(drive, 4, Excitation(duration=40.0, load=load))[0].samples
     step = samples.sample_time
     velocity = np.gradient(samples.position, step)
     velocity = np.convolve(velocity, np.ones(11) / 11, 'same')
@@ -323,19 +323,18 @@ def moved(effects, servo, load=0.0, **changes):
     return kept.position, velocity[steady], kept.time - samples.time[0], torque, kept.current
 
 
-@pytest.mark.parametrize('servo', [False, True], ids=['tracked', 'servo'])
 @pytest.mark.parametrize('name', [*HELD, *HIGHER])
-def test_the_current_shows_the_effect_as_its_formula_says(name, servo):
+def test_the_current_shows_the_effect_as_its_formula_says(name):
     parameters, formula = {**HELD, **HIGHER}[name]
     load = 0.5 if name == 'load' else 0.0
-    x, v, t, u, current = moved([{'name': name, 'parameters': parameters}], servo, load)
+    x, v, t, u, current = moved([{'name': name, 'parameters': parameters}], load)
     side, speed = np.sign(v), np.abs(v)
     extra = formula(x, speed, t, u) * (side if name in HIGHER and name != 'direction' else 1.0)
     expected = side * (1.0 + 0.4 * speed) + extra - u
     assert len(x) > 1000
     assert np.std(extra) > 0.04 or name == 'offset'
-    # The servo hunts a little, and a human's push is measured with noise.
-    assert rms(current - expected) < (0.04 if servo else 0.02)
+    # A human's push is measured with noise.
+    assert rms(current - expected) < 0.02
 
 
 def test_temperature_scales_friction():

@@ -26,7 +26,7 @@ from friction_comp.parallel import Failure, run_each, runner_on_cluster
 from friction_comp.recordings import write_samples
 from friction_comp.recordings.reader import pieces_of
 from friction_comp.reports.other_pages import each_page
-from simulated_recordings.drives import excitation_for, random_drive, record
+from simulated_recordings import excitation_for, random_drive, record
 
 
 def write_recording(path, seed=40, **options):

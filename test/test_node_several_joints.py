@@ -10,6 +10,7 @@ import random
 import signal
 import time
 
+from closed_loop import closed_loop
 from node_process import Process
 import numpy as np
 import pytest
@@ -21,7 +22,6 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import read_recording_with_info
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
-from simulated_recordings.closed_loop import closed_loop
 
 JOINTS = ['elbow', 'shoulder']
 FILES = MODELS[:2]

@@ -38,7 +38,7 @@ from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import predict as run_predict
 from friction_comp.tools.refine import refine as run_refine
-from simulated_recordings.drives import excitation_for, random_drive, record
+from simulated_recordings import excitation_for, random_drive, record
 
 RATE = 125.0  # Hz
 

@@ -11,6 +11,7 @@ twice: compensated by the declared model, and by the refined one.
 from dataclasses import replace
 import functools
 
+from closed_loop import closed_loop
 from helpers import note_model
 import numpy as np
 from outside_effects import OUTSIDE
@@ -23,9 +24,7 @@ from friction_comp.refinement import refine
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 from friction_comp.statistics import rms
-from simulated_recordings.cases import CASES
-from simulated_recordings.closed_loop import closed_loop
-from simulated_recordings.drives import excitation_for, random_drive, record, SimulatedDrive
+from simulated_recordings import CASES, excitation_for, random_drive, record, SimulatedDrive
 
 pytestmark = pytest.mark.slow
 
@@ -37,10 +36,10 @@ MORE = {'rest': {'rate': 125.0, 'duration': 75.0}}
 
 
 @functools.cache
-def refined(cases, seed, outside='', servo=False):
+def refined(cases, seed, outside=''):
     """Return the report, and the error on a fresh recording in parts of the noise floor."""
     drive = random_drive(seed, cases)
-    changes = {**RECORDED, **MORE.get('+'.join(cases), {}), 'servo': servo}
+    changes = {**RECORDED, **MORE.get('+'.join(cases), {})}
     fit, score = (recordings(drive, number, cases, outside, **changes)
                   for number in (10 * seed + 1, 10 * seed + 2))
     result = refine([trial.samples for trial in fit], model=None, drive=drive.model.drive)
@@ -81,14 +80,6 @@ def test_nothing_is_found_where_nothing_is():
     assert ratio <= 1.3
 
 
-def test_a_joint_with_inertia_and_stiction_shows_no_more_than_these():
-    report, _ = refined((), 46, servo=True)
-    # True friction does not pass through zero near standstill as the sigmoid does: that gap may
-    # be named as well, and it is one of velocity.
-    assert variables(report)[0] == 'acceleration'
-    assert set(variables(report)) <= {'acceleration', 'velocity'}
-
-
 @pytest.mark.parametrize('name', OUTSIDE)
 def test_what_no_effect_describes_is_traced_to_its_variable(name):
     report, _ = refined((), 50, outside=name)
@@ -99,14 +90,13 @@ def test_what_no_effect_describes_is_traced_to_its_variable(name):
 
 
 THERMAL = {'ambient': 22.0, 'heating': 200.0, 'time_constant': 60.0}
-# Effect, the variable under which it must be found, and whether its recording is under the servo,
-# whose joint has inertia and stiction for refinement to tell apart as well. The drive's friction is
-# 1.2 N·m. One of each kind: speed, place, temperature, history.
+# Effect, and the variable under which it must be found: one each of speed, place, temperature and
+# history. The drive's friction is 1.2 N·m.
 FED_BACK = {
-    'stribeck': ({'amplitude': 0.5, 'velocity': 0.15}, 'velocity', True),
-    'friction_ripple': ({'amplitude': 0.5, 'frequency': 14.0, 'phase': 0.7}, 'position', True),
-    'temperature': ({'coefficient': 0.025, 'reference': 25.0}, 'temperature', False),
-    'hysteresis': ({'torque': 0.6, 'stiffness': 12.0}, 'history', False),
+    'stribeck': ({'amplitude': 0.5, 'velocity': 0.15}, 'velocity'),
+    'friction_ripple': ({'amplitude': 0.5, 'frequency': 14.0, 'phase': 0.7}, 'position'),
+    'temperature': ({'coefficient': 0.025, 'reference': 25.0}, 'temperature'),
+    'hysteresis': ({'torque': 0.6, 'stiffness': 12.0}, 'history'),
 }
 SAMPLE_TIME = 4e-3  # s, of plant and law in the loop
 
@@ -117,9 +107,9 @@ def effect_of(name):
 
 def trials(declared, name, seed):
     """Return recordings of a drive with an effect that its model does not declare."""
-    drive = SimulatedDrive(model=declared, effects=effect_of(name), noise=0.002, presliding=2e-4,
+    drive = SimulatedDrive(model=declared, effects=effect_of(name), noise=0.002,
                            thermal=THERMAL)
-    excitation = excitation_for((name,), rate=125.0, servo=FED_BACK[name][2], duration=60.0)
+    excitation = excitation_for((name,), rate=125.0, duration=60.0)
     return [trial.samples for trial in record(drive, seed, excitation)]
 
 
