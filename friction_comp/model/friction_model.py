@@ -159,11 +159,6 @@ class FrictionModel:
         return any(self.sigmoid.line) or bool(self.effects)
 
     @property
-    def in_both_directions(self) -> bool:
-        """Whether it was measured in both directions of motion, as far as is known."""
-        return self.recorded is None or self.recorded.in_both_directions
-
-    @property
     def friction_uncertainty(self) -> float | None:
         """Share by which sliding friction may differ from the model's; None if nothing tells.
 

@@ -16,7 +16,6 @@ motion. Effects of the links (weight, the rest of the arm) are left to the simul
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 import re
 from typing import Any
@@ -70,7 +69,7 @@ class FrictionNumbers:
     beside: list[Beside]    # the other effects
     unit: str               # of all numbers
     torque_per_current: float | None  # None where it is not known, as of counts
-    inertia_holds: str      # of what the inertia is
+    inertia_holds: str      # what moved with the inertia
     formula: str            # of `FrictionModel.predict`, but for what is left out
     left_out: list[Beside]  # of the formula
 
@@ -83,21 +82,24 @@ def friction_of(model: FrictionModel) -> FrictionNumbers:
     unit, rows = model.unit, states_of(model)
     numbers: dict[str, Any] = {**line_of(model), 'inertia': inertia_of(model),
                                'transition': 2.0 / model.sigmoid.steepness}
-    if not model.in_both_directions:
+    if model.recorded is not None and not model.recorded.in_both_directions:
         numbers['offset'] = None
     intervals = {name: list(ends) for name, value in numbers.items()
                  if value is not None and model.recorded is not None
                  and (ends := model.recorded.interval(name, value))}
+    beside = {holds: [_beside(effect, rows, unit) for effect in model.effects
+                      if effect.holds_on_another_day == holds and effect.name not in _HELD]
+              for holds in (True, False)}
+    late = [Beside('lag', float(lag), 's')] if (lag := model.settings.get('lag')) else []
     return FrictionNumbers(
         **numbers, shift=model.sigmoid.shift, intervals=intervals,
         coulomb_with_load=_with_load(model, numbers['coulomb'], rows),
         breakaway=breakaway_of(model), presliding=None if model.presliding is None else {
             name: value for name in ('distance', 'std')
             if (value := getattr(model.presliding, name)) is not None},
-        beside=[_beside(effect, rows, unit) for effect in model.effects
-                if effect.holds_on_another_day and effect.name not in _HELD],
-        unit=unit, torque_per_current=model.gain, inertia_holds=inertia_holds(model),
-        formula=formula_of(model, unit), left_out=left_out_of(model, rows, unit))
+        beside=beside[True], unit=unit, torque_per_current=model.gain,
+        inertia_holds=inertia_holds(model), formula=formula_of(model),
+        left_out=[*beside[False], *late])
 
 
 def states_of(model: FrictionModel) -> Samples:
@@ -170,11 +172,8 @@ def line_by_coefficient(kind: type[Effect], constants: dict[str, float], speeds:
 
 def inertia_of(model: FrictionModel) -> float | None:
     """Return the coefficient of the acceleration, A·s²/rad; None if it was not found."""
-    own = [effect.coefficients[0] for effect in model.effects if effect.name == 'inertia']
-    if own:
-        return float(sum(own))
-    simulated = model.simulation.get('inertia')
-    return None if simulated is None else float(simulated) / model.drive.torque_per_current
+    return next((effect.coefficients[0] for effect in model.effects if effect.name == 'inertia'),
+                None)
 
 
 def inertia_holds(model: FrictionModel) -> str:
@@ -222,19 +221,12 @@ def _beside(effect: Effect, rows: Samples, unit: str) -> Beside:
     return Beside(effect.name, rms(current), unit)
 
 
-def left_out_of(model: FrictionModel, rows: Samples, unit: str) -> list[Beside]:
-    """Return what of a model its formula leaves out: other days, and what is late."""
-    return [*(_beside(effect, rows, unit) for effect in model.effects
-              if not effect.holds_on_another_day),
-            *([Beside('lag', float(lag), 's')] if (lag := model.settings.get('lag')) else [])]
-
-
-def formula_of(model: FrictionModel, unit: str) -> str:
+def formula_of(model: FrictionModel) -> str:
     """Return the model as a formula, in its unit of current, with the units of what it names.
 
     Evaluated at the velocity v, acceleration dv/dt, position q and so on of a recording, it is
-    `FrictionModel.predict` but for `left_out_of`; beyond the recorded range, an effect keeps the
-    value at its end.
+    `FrictionModel.predict` but for effects of one recording and a lag; beyond the recorded range,
+    an effect keeps the value at its end.
     """
     offset, coulomb, viscous = model.sigmoid.line
     shift = f'(v {-model.sigmoid.shift:+.5g})' if model.sigmoid.shift else 'v'
@@ -244,17 +236,14 @@ def formula_of(model: FrictionModel, unit: str) -> str:
     effects = [effect for effect in model.effects if effect.holds_on_another_day]
     parts += [effect.formula() for effect in effects]
     text = re.sub(r' ([+-])(?=[\d.(])', r' \1 ', ' '.join(parts)).replace('(+', '(')
-    return f'{quantity_in(unit)} = {text}   [{", ".join(_names_in(text, unit, effects))}]'
-
-
-def _names_in(text: str, unit: str, effects: Iterable[Effect]) -> list[str]:
     meanings = {'·q|·\\(q|\\|q': 'q in rad', r'τ_b': 'τ_b: load in N·m',
                 'τ_links': "τ_links: torque of the arm's links in N·m",
                 'i_other_joints': 'i_other_joints: sum of the terms in section arm',
                 r'\(T -': 'T in °C'}
-    return [unit, 'v in rad/s',
-            *(said for name, said in meanings.items() if re.search(name, text)),
-            *filter(None, (effect.state_formula() for effect in effects))]
+    names = [model.unit, 'v in rad/s',
+             *(said for name, said in meanings.items() if re.search(name, text)),
+             *filter(None, (effect.state_formula() for effect in effects))]
+    return f'{quantity_in(model.unit)} = {text}   [{", ".join(names)}]'
 
 
 def quantity_in(unit: str) -> str:
@@ -328,17 +317,17 @@ class SimulatorJoint:
 def simulator_joint(model: FrictionModel, form: str) -> SimulatorJoint:
     """Return the numbers of a model for a form; raises InputError without a torque."""
     gain, numbers = model.torque_per_unit(), friction_of(model)
-    springs = [effect for effect in model.effects if effect.name == 'spring']
+    spring = next((effect for effect in model.effects if effect.name == 'spring'), None)
     static, static_is, ends = _static(model, numbers.coulomb)
     ranges = {**numbers.intervals, **({'static': ends} if ends else {})}
     found = {'coulomb': numbers.coulomb, 'viscous': numbers.viscous, 'static': static,
              'offset': numbers.offset or 0.0, 'inertia': numbers.inertia,
-             'stiffness': sum(effect.coefficients[0] for effect in springs),
+             'stiffness': spring.coefficients[0] if spring else 0.0,
              'coulomb_with_load': numbers.coulomb_with_load}
     torques = {name: None if value is None else gain * value for name, value in found.items()}
     return SimulatorJoint(
         form, **torques,  # type: ignore[arg-type]
-        transition=numbers.transition, rest=springs[0].values['position'] if springs else 0.0,
+        transition=numbers.transition, rest=spring.values['position'] if spring else 0.0,
         motion=motion_in_words(model), unit='N' if model.is_linear else 'N·m', static_is=static_is,
         left_out=_left_out(model, numbers, form), table=_table(model, gain),
         ranges={name: (gain * low, gain * high) for name, (low, high) in ranges.items()})
@@ -356,28 +345,25 @@ def _table(model: FrictionModel, gain: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _left_out(model: FrictionModel, numbers: FrictionNumbers, form: str) -> list[str]:
-    """Return what a form lacks of a model, with its size in the recorded motion."""
-    keys, gain, motion, lines = KEYS[form], model.torque_per_unit(), motion_in_words(model), []
+    """Return what a form lacks of a model."""
+    keys, gain, lines = KEYS[form], model.torque_per_unit(), []
     unit = 'N' if model.is_linear else 'N·m'
     held = {effect.name for effect in model.effects if effect.variable in OF_SPEED
             } if form == 'csv' else {'spring'} if 'stiffness' in keys else set()
     if numbers.coulomb_with_load is not None:
         lines.append('friction by load: Coulomb friction here is without load; its mean with load '
-                     f'is {gain * numbers.coulomb_with_load:.4g} {unit} in {motion}')
+                     f'is {gain * numbers.coulomb_with_load:.4g} {unit} in '
+                     f'{motion_in_words(model)}')
     if 'offset' not in keys and numbers.offset:
         lines.append(f'offset {gain * numbers.offset:.3g} {unit}: no place for it in this form')
     if 'inertia' not in keys and numbers.inertia:
         lines.append(f'inertia {gain * numbers.inertia:.6g} kg·m²: ' + (
             'not in its formula' if form == 'tanh' else 'belongs to the links of this form'))
-    for one in (*numbers.beside, *numbers.left_out):
-        if one.name in held:
-            continue
-        scale, own_unit = (1.0, one.unit) if one.unit == 's' else (gain, unit)
-        size = '' if one.size is None else f' {scale * one.size:.3g} {own_unit}' + (
-            f' RMS in {motion}' if own_unit == unit else '')
-        lines.append(f'{one.name.replace("_", " ")}{size}' + (
-            ': belongs to the links and what they touch' if one.name in LINKS else ''))
-    return lines
+    return lines + [one.name.replace('_', ' ') + (
+        '' if one.size is None else f' {one.size:.3g} s' if one.unit == 's' else
+        f' {gain * one.size:.3g} {unit} RMS') + (
+        ': belongs to the links and what they touch' if one.name in LINKS else '')
+        for one in (*numbers.beside, *numbers.left_out) if one.name not in held]
 
 
 def _static(model: FrictionModel, coulomb: float

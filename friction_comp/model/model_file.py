@@ -9,7 +9,7 @@ and of the recordings.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 import math
 from pathlib import Path
@@ -250,24 +250,10 @@ def arguments_of(document: Any) -> dict[str, Any]:
 
 def document_of(model: Any) -> dict[str, Any]:
     """Return a `FrictionModel` as the plain values of its file."""
-    document: dict[str, Any] = {'format': FORMAT, 'version': VERSION, 'joint': model.joint}
-    for name in _SECTIONS:
-        value = getattr(model, name)
-        if name in ('drive', 'presliding', 'recorded') and value is not None:
-            value = _entries(value)
-        elif name == 'sigmoid':
-            value = {'coefficients': value.coefficients(), 'velocity_unit': 'rad/s'}
-        elif name == 'breakaway' and value is not None:
-            known = _entries(value)
-            value = {side: {what: known[f'{side}_{what}'] for what in _OF_BREAKAWAY
-                            if f'{side}_{what}' in known} for side in _SIDES}
-        elif name == 'arm' and value is not None:
-            value = value.to_dict()
-        elif name == 'effects':
-            value = [effect.to_dict() for effect in value]
-        if value is not None and (value != {} or name == 'effects'):
-            document[name] = value
-    return plain(document)
+    values = {name: getattr(model, name) for name in _SECTIONS}
+    return plain({'format': FORMAT, 'version': VERSION, **{
+        name: _WRITTEN.get(name, lambda value: value)(value) for name, value in values.items()
+        if name == 'effects' or (value is not None and value != {})}})
 
 
 def write_arm(path: str | Path, models: Mapping[str, Any]) -> None:
@@ -307,11 +293,6 @@ def one_joint_of(document: Any, joint: str | None) -> Any:
         model = {**model, 'arm': {**(document.get('arm') or {}),
                                   **(own if isinstance(own, dict) else {})}}
     return model
-
-
-def _entries(section: Any) -> dict[str, Any]:
-    return {name: value for name, value in vars(section).items()
-            if value is not None and value != {}}
 
 
 def _sigmoid(value: Any, name: str) -> Sigmoid:
@@ -371,3 +352,19 @@ _SECTIONS: dict[str, Reader] = {
     'recorded': section(Recorded), 'lookup_table': _lookup_table, 'differentiation': settings_of,
     'simulation': check_mapping, 'notes': check_mapping, 'arm': _arm}
 """The sections of a model file, by the fields of `FrictionModel`, and how each is read."""
+
+
+def _entries(section: Any) -> dict[str, Any]:
+    return {name: value for name, value in vars(section).items()
+            if value is not None and value != {}}
+
+
+_WRITTEN: dict[str, Callable[[Any], Any]] = {
+    'drive': _entries, 'presliding': _entries, 'recorded': _entries,
+    'sigmoid': lambda curve: {'coefficients': curve.coefficients(), 'velocity_unit': 'rad/s'},
+    'breakaway': lambda known: {side: {
+        what: value for what in _OF_BREAKAWAY
+        if (value := getattr(known, f'{side}_{what}')) is not None} for side in _SIDES},
+    'effects': lambda effects: [effect.to_dict() for effect in effects],
+    'arm': lambda arm: arm.to_dict()}
+"""How sections are written that are no plain values."""
