@@ -115,6 +115,15 @@ def test_announcements_that_flicker_at_rest_do_not_shake_the_joint(period, low):
     np.testing.assert_allclose(flicker, -0.9 * LEVEL, rtol=2e-2)
 
 
+@pytest.mark.parametrize('speed', [3e-5, 1e-4])
+def test_announcements_that_flicker_do_not_lead_a_joint_that_creeps_to_and_fro(speed):
+    """Creep is no way: it ends no rest but for a moment, as in a gear that settles by a count."""
+    law, time = CompensationLaw([small_model()]), 1e-3 * np.arange(6000)
+    places = np.floor(speed * np.maximum(0.0, time - 0.6) / COUNT) * COUNT
+    flickers = np.where((time < 0.6) | (time % 0.5 < 0.25), 1, -1)
+    assert drive_along(law, places, flickers)[600:].min() > 0.8 * LEVEL
+
+
 def test_who_pushes_against_the_preload_is_not_held_by_it():
     """Within a fifth of R, where displacement alone would take off a tenth; led again at rest."""
     law = CompensationLaw([small_model()])

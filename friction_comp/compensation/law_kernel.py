@@ -77,9 +77,10 @@ def operate(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     play = STILL * p.distance + p.resolution
     driven = min(s.position + play, max(s.position - play, s.play))
     moved, s.play = driven - s.play, driven
-    # A joint that has a preload is told otherwise when that has lasted.
+    # A joint that is not on its way is told otherwise when that has lasted, creep or not.
     s.lasted += s.step
-    if s.mode == FREE or s.aim == 0.0 or aim == s.aim or s.lasted > 2.0 * REST_TIME:
+    on_its_way = s.mode == FREE and s.heading != 0.0
+    if on_its_way or s.aim == 0.0 or aim == s.aim or s.lasted > 2.0 * REST_TIME:
         s.aim, s.lasted = aim, 0.0
     aim = s.aim
     _note_rest(p, s, aim, is_pushed)
