@@ -13,13 +13,14 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.friction_numbers import friction_of, line_of, simulator_joint
+from friction_comp.model.friction_numbers import friction_of, line_of
 from friction_comp.model.model_file import Breakaway, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
 from friction_comp.reports.refinement_page import friction_rows
 from friction_comp.samples import Samples
 from friction_comp.terminal import in_own_units
+from friction_comp.tools.export import simulator_joint
 
 TRUTH = {'coulomb': 0.5, 'viscous': 0.15, 'offset': 0.04, 'inertia': 0.023}
 PLAIN = FrictionModel(Drive(1.0, 1.0), Sigmoid(0.54, -0.46, 40.0, viscous=0.15))

@@ -24,13 +24,13 @@ from friction_comp.errors import InputError
 from friction_comp.files import output_folder, to_json
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.friction_numbers import loss_of, simulator_joint
 from friction_comp.model.model_file import Recorded, write_arm
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import write_samples
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.common import Arguments
+from friction_comp.tools.export import loss_of, simulator_joint
 
 GAIN = 5.0
 # Steep enough that its smooth sign change does not show in the sweeps.

@@ -8,15 +8,11 @@ own parameters; a hysteresis or backlash, whose friction the sigmoid then lacks,
 friction. What depends on position, load, temperature, time or rest stands beside the line, with its
 size in the recorded motion: so Coulomb friction is that of a gear without load. What is printed,
 exported and documented comes from here.
-
-A `SimulatorJoint` has them as torques in the form of a simulator or controller. What a form lacks
-of the model is listed with its size, and its error is the torque that it misses in the recorded
-motion. Effects of the links (weight, the rest of the arm) are left to the simulator's own bodies.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 import re
 from typing import Any
 
@@ -36,9 +32,8 @@ _POINTS = 128
 _SUDDEN = 1e-9
 # What friction of a sliding joint may depend on to be part of the line.
 OF_SPEED = ('velocity', 'direction', 'history')
-# Effects that the numbers hold, and those of the links and of what they touch.
+# Effects that the numbers hold.
 _HELD = ('inertia', 'hysteresis', 'backlash')
-LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
 
 
 @dataclass(frozen=True)
@@ -249,153 +244,3 @@ def formula_of(model: FrictionModel) -> str:
 def quantity_in(unit: str) -> str:
     """Return what an effort in a unit is called: torque, current or effort."""
     return {'N·m': 'torque', 'A': 'current'}.get(unit, 'effort')
-
-
-# Names of the numbers in each form; a form lacks those that it does not name.
-KEYS = {
-    'mujoco': {'coulomb': 'frictionloss', 'viscous': 'damping', 'inertia': 'armature',
-               'stiffness': 'stiffness'},
-    'urdf': {'coulomb': 'friction', 'viscous': 'damping'},
-    'sdf': {'coulomb': 'friction', 'viscous': 'damping', 'stiffness': 'spring_stiffness'},
-    'tanh': {'coulomb': 'Fc', 'viscous': 'Fv', 'offset': 'Fo'},
-    'isaac': {'static': 'static_friction', 'coulomb': 'dynamic_friction',
-              'viscous': 'viscous_friction', 'inertia': 'armature'},
-    'csv': {'offset': 'torque (N·m)'},
-    'json': {name: name for name in ('coulomb', 'coulomb_with_load', 'viscous', 'offset', 'static',
-                                     'transition', 'inertia', 'stiffness', 'rest')}}
-# Speeds of a table over which friction changes its sign, in units of the transition.
-_TURNING = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0])
-
-
-@dataclass(frozen=True)
-class SimulatorJoint:
-    """The numbers of a joint as torques in `unit`."""
-
-    form: str
-    coulomb: float          # N·m, without load
-    viscous: float          # N·m·s/rad
-    offset: float           # N·m
-    static: float           # N·m, at breakaway if known, else near standstill
-    transition: float       # rad/s over which friction changes sign
-    inertia: float | None   # kg·m²
-    stiffness: float        # of a spring, N·m/rad
-    rest: float             # its rest position, rad
-    coulomb_with_load: float | None     # N·m, the mean in the recorded motion
-    unit: str               # N·m, or N of a linear axis
-    motion: str             # in which sizes and losses hold
-    static_is: str          # where the static friction is from
-    left_out: list[str]     # what the form lacks, with its size or the reason
-    table: tuple[np.ndarray, np.ndarray]    # speeds, ascending, and friction at each, N·m
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)    # 95 % intervals
-
-    def torque(self, motion: Samples) -> np.ndarray:
-        """Return the torque of the form in a motion, N·m, shape (N,), with its inertia."""
-        keys, speed = KEYS[self.form], np.asarray(motion.velocity)
-        if self.form == 'csv':
-            return np.interp(speed, *self.table)
-        sign = np.tanh(speed / self.transition) if self.form in ('tanh', 'json') else np.sign(speed)
-        torque = self.coulomb * sign + self.viscous * speed + self.offset * ('offset' in keys)
-        if self.inertia and 'inertia' in keys and motion.acceleration is not None:
-            torque = torque + self.inertia * motion.acceleration
-        return torque + self.stiffness * ('stiffness' in keys) * (motion.position - self.rest)
-
-    def passive(self) -> SimulatorJoint:
-        """Return the joint without negative numbers, which no simulator takes; `left_out` says so.
-
-        Viscous friction is negative where friction falls with the speed.
-        """
-        least = {name: 0.0 for name in ('coulomb', 'viscous', 'stiffness')
-                 if getattr(self, name) < 0.0}
-        return replace(self, **least, left_out=[*self.left_out, *(  # type: ignore[arg-type]
-            f'{name} {getattr(self, name):.4g}: simulators take none below zero, so it is 0 here'
-            for name in least)], ranges={
-                # One that draws from a range would drive the joint with less.
-                name: (max(low, 0.0), high) for name, (low, high) in self.ranges.items()
-                if high > 0.0 and name not in least})
-
-
-def simulator_joint(model: FrictionModel, form: str) -> SimulatorJoint:
-    """Return the numbers of a model for a form; raises InputError without a torque."""
-    gain, numbers = model.torque_per_unit(), friction_of(model)
-    spring = next((effect for effect in model.effects if effect.name == 'spring'), None)
-    static, static_is, ends = _static(model, numbers.coulomb)
-    ranges = {**numbers.intervals, **({'static': ends} if ends else {})}
-    found = {'coulomb': numbers.coulomb, 'viscous': numbers.viscous, 'static': static,
-             'offset': numbers.offset or 0.0, 'inertia': numbers.inertia,
-             'stiffness': spring.coefficients[0] if spring else 0.0,
-             'coulomb_with_load': numbers.coulomb_with_load}
-    torques = {name: None if value is None else gain * value for name, value in found.items()}
-    return SimulatorJoint(
-        form, **torques,  # type: ignore[arg-type]
-        transition=numbers.transition, rest=spring.values['position'] if spring else 0.0,
-        motion=motion_in_words(model), unit='N' if model.is_linear else 'N·m', static_is=static_is,
-        left_out=_left_out(model, numbers, form), table=_table(model, gain),
-        ranges={name: (gain * low, gain * high) for name, (low, high) in ranges.items()})
-
-
-def _table(model: FrictionModel, gain: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return speeds in both directions, rad/s, ascending, and friction at each, N·m."""
-    slow = _TURNING * 2.0 / model.sigmoid.steepness
-    speeds = np.union1d(speeds_of(model), slow[slow < speeds_of(model).max()])
-    v = np.concatenate((-speeds[::-1], speeds))
-    kept = [effect for effect in model.effects if effect.variable in OF_SPEED
-            and not effect.needs and not (effect.has_memory and effect.fades_in_sliding)]
-    states = Samples(time=0.0 * v, position=0.0 * v, current=0.0 * v, velocity=v)
-    return v, gain * replace(model, effects=kept, arm=None).current(states, sliding=True)
-
-
-def _left_out(model: FrictionModel, numbers: FrictionNumbers, form: str) -> list[str]:
-    """Return what a form lacks of a model."""
-    keys, gain, lines = KEYS[form], model.torque_per_unit(), []
-    unit = 'N' if model.is_linear else 'N·m'
-    held = {effect.name for effect in model.effects if effect.variable in OF_SPEED
-            } if form == 'csv' else {'spring'} if 'stiffness' in keys else set()
-    if numbers.coulomb_with_load is not None:
-        lines.append('friction by load: Coulomb friction here is without load; its mean with load '
-                     f'is {gain * numbers.coulomb_with_load:.4g} {unit} in '
-                     f'{motion_in_words(model)}')
-    if 'offset' not in keys and numbers.offset:
-        lines.append(f'offset {gain * numbers.offset:.3g} {unit}: no place for it in this form')
-    if 'inertia' not in keys and numbers.inertia:
-        lines.append(f'inertia {gain * numbers.inertia:.6g} kg·m²: ' + (
-            'not in its formula' if form == 'tanh' else 'belongs to the links of this form'))
-    return lines + [one.name.replace('_', ' ') + (
-        '' if one.size is None else f' {one.size:.3g} s' if one.unit == 's' else
-        f' {gain * one.size:.3g} {unit} RMS') + (
-        ': belongs to the links and what they touch' if one.name in LINKS else '')
-        for one in (*numbers.beside, *numbers.left_out) if one.name not in held]
-
-
-def _static(model: FrictionModel, coulomb: float
-            ) -> tuple[float, str, tuple[float, float] | None]:
-    """Return the friction at breakaway or near standstill, A, where it is from, and its range."""
-    if model.breakaway is not None:
-        breakaway = model.breakaway.friction
-        # Simulators refuse a static friction below the dynamic one.
-        return (breakaway, 'measured breakaway', None) if breakaway >= coulomb else (
-            coulomb, 'Coulomb friction: the measured breakaway is lower', None)
-    value = near_standstill(model, coulomb)
-    if value is None:
-        return coulomb, 'Coulomb friction: breakaway was not measured', None
-    ends = model.recorded.interval('static', value) if model.recorded is not None else None
-    own = ends and (max(ends[0], coulomb), max(ends[1], coulomb))
-    if ends and ends[0] <= coulomb:
-        return coulomb, ('Coulomb friction: how much higher friction is near standstill, the '
-                         'recording hardly tells'), own
-    return max(value, coulomb), 'Coulomb with Stribeck friction', own
-
-
-def loss_of(model: FrictionModel, joint: SimulatorJoint) -> tuple[float, float]:
-    """Return what a form misses of the model's torque without links, where the joint slides.
-
-    It is the RMS torque, N·m, and its share of the RMS of the model's torque.
-    """
-    motion = states_of(model)
-    kept = [effect for effect in model.effects if effect.name not in LINKS
-            and (effect.name != 'inertia' or joint.form not in ('tanh', 'csv'))
-            and effect.holds_on_another_day
-            and all(getattr(motion, name) is not None for name in effect.needs)]
-    torque = model.torque_per_unit() * replace(model, arm=None, effects=kept).current(
-        motion, sliding=True)
-    size, error = rms(torque), rms(torque - joint.torque(motion))
-    return error, error / size if size else 0.0
