@@ -20,7 +20,7 @@ from simulated_arms import random_urdf, recorded
 from friction_comp.refinement import Origin, refine
 from friction_comp.samples import JointStates
 from friction_comp.statistics import rms
-from world.drive import DT
+from world.joint import DT
 from world.motion import KINDS
 
 MOTIONS = ('multi_sine', 'joystick', 'production', 'slow_sine')

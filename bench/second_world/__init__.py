@@ -3,7 +3,7 @@
 """Simulated test recordings that share nothing with the package's simulation.
 
 The physics is written from the literature; drives are under controllers, recordings are coarse,
-late, short or broken. `families.draw(family, seed)` gives a case, `cases.make(case, 'fit')` its
-true motion and its recording, `oracle` the smallest possible error, `judging` compares a report
-with the truth. Even seeds are for tuning, odd seeds for evaluation.
+late, short or broken. `families.draw(family, seed)` gives a case, `families.make(case, 'fit')` its
+true motion and its recording, `judging` the smallest possible error, and compares a report with the
+truth. Even seeds are for tuning, odd seeds for evaluation. Arms: `arm_table.py`; files: the tests.
 """

@@ -4,8 +4,8 @@
 
 Nothing here uses the package's simulation, its models or its law: that is its point.
 
-joint, drive    one joint with hidden effects under a controller, for `second_world`, which judges
-                refinement; motion, sensing, arm: how it is moved, recorded, and linked to others
+joint           one joint with hidden effects under a controller, for `second_world`, which judges
+                refinement; motion, sensing: how it is moved and recorded
 gear            banks of geared joints with four kinds of friction, for laws and identification
 mujoco_gear     the same in an engine that is not ours
 person          who holds a joint of a bank

@@ -8,7 +8,7 @@ Each function takes a random generator, seconds, half the range in rad and a top
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from world.drive import DT
+from world.joint import DT
 
 
 def _time(seconds):

@@ -5,9 +5,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from friction_comp import Samples
-from world.drive import DT
+from world.joint import DT
 
 AMBIENT = 22.0  # degrees Celsius
 
@@ -30,7 +31,6 @@ class Sensors:
     load: bool = False
     heat: bool = False
     reference: bool = False
-    load_noise: float = 0.01
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,6 @@ class Seen:
 
     recordings: list
     index: list  # per recording, indices into the trace
-    others: list  # per recording, Samples of the other joints
 
 
 def _noise(rng, sensors, times):
@@ -47,11 +46,8 @@ def _noise(rng, sensors, times):
     if sensors.noise_memory <= 0 or len(times) < 2:
         return white
     keep = np.exp(-np.median(np.diff(times)) / sensors.noise_memory)
-    coloured = np.empty_like(white)
-    coloured[0] = white[0]
-    for i in range(1, len(white)):
-        coloured[i] = keep * coloured[i - 1] + np.sqrt(1 - keep ** 2) * white[i]
-    return coloured
+    white[1:] *= np.sqrt(1 - keep ** 2)
+    return lfilter([1.0], [1.0, -keep], white)
 
 
 def quantised(values, quantum):
@@ -67,12 +63,8 @@ def _velocity(rng, sensors, trace):
         return trace.v + rng.normal(size=len(trace.v)) * 0.002 * np.std(trace.v)
     # A driver differences its own encoder each ms and smooths with a first-order low pass.
     own = quantised(trace.q[::4], min(sensors.quantum, 2e-4))
-    raw = np.diff(own, prepend=own[0]) / (4 * DT)
-    out, weight = np.empty_like(raw), 4 * DT / (0.006 + 4 * DT)
-    level = 0.0
-    for i, value in enumerate(raw):
-        level += (value - level) * weight
-        out[i] = level
+    weight = 4 * DT / (0.006 + 4 * DT)
+    out = lfilter([weight], [1.0, weight - 1.0], np.diff(own, prepend=own[0]) / (4 * DT))
     return np.repeat(out, 4)[:len(trace.q)]
 
 
@@ -92,15 +84,12 @@ def _instants(rng, sensors, size):
     return index[keep], stamps[keep]
 
 
-def record(rng, sensors, trace, number=0):
-    """Return what is recorded of a trace, as `Seen`.
-
-    Several joints come as one `Samples` for each of the others, on the same time base.
-    """
+def record(rng, sensors, trace):
+    """Return what is recorded of a trace, as `Seen`."""
     index, stamps = _instants(rng, sensors, len(trace.time))
     velocity = _velocity(rng, sensors, trace)
     cuts = np.array_split(np.arange(len(index)), sensors.pieces)
-    recordings, indices, others = [], [], []
+    recordings, indices = [], []
     for cut in cuts:
         # Between short runs the joint goes on unrecorded for a while.
         cut = cut[:max(int(0.9 * len(cut)), 20)] if sensors.pieces > 1 else cut
@@ -110,7 +99,7 @@ def record(rng, sensors, trace, number=0):
         if velocity is not None:
             signals['velocity'] = velocity[i]
         if sensors.load:
-            signals['load'] = trace.load[i] + rng.normal(size=len(i)) * sensors.load_noise
+            signals['load'] = trace.load[i] + rng.normal(size=len(i)) * 0.01
         if sensors.heat:
             signals['temperature'] = quantised(AMBIENT + trace.heat[i], 0.1)
         if sensors.reference:
@@ -121,10 +110,4 @@ def record(rng, sensors, trace, number=0):
             time=t.astype(float), position=quantised(trace.q[i], sensors.quantum),
             current=current, joint='joint', **signals))
         indices.append(i)
-        others.append([
-            Samples(time=t.astype(float), position=quantised(trace.others_q[i, k], 1e-4),
-                    current=np.zeros(len(i)) + rng.normal(size=len(i)) * sensors.noise,
-                    velocity=trace.others_v[i, k] if velocity is not None else None,
-                    joint=f'other_{k + 1}')
-            for k in range(trace.others_q.shape[1]) if k != number])
-    return Seen(recordings, indices, others)
+    return Seen(recordings, indices)
