@@ -346,15 +346,16 @@ def _of_array(tracks: list[Track], key: str, orders: list[list[str]], notes: lis
               torque_per_current: float = 1.0) -> tuple[Track, np.ndarray] | None:
     """Return the track with a joint's values, or None; commands in N·m as currents."""
     for track in tracks:
-        width = max(values.shape[1] for values in track.values.values())
+        places = {name: int(name.removeprefix(TORQUE_UNIT)) for name in track.names}
+        width = max(places.values(), default=-1) + 1
         for order in orders:
             if key in order and len(order) == width:
                 column = np.full(len(track.receive), np.nan)
-                for unit, values in track.values.items():
-                    if order.index(key) < values.shape[1]:
-                        own = values[:, order.index(key)]
+                for name, place in places.items():
+                    if order[place] == key:
+                        own = track.values[name][:, 0]
                         column = np.where(np.isnan(own), column, own / (
-                            torque_per_current if unit == TORQUE_UNIT else 1.0))
+                            torque_per_current if TORQUE_UNIT in name else 1.0))
                 return track, column
         notes.append(f'{track.topic} has {width} values, which fits no list of joints')
     return None

@@ -1,17 +1,22 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Raw contents of a bag as arrays: a track for each topic, and what a compensator reported."""
+"""Raw contents of a bag as arrays: a track for each topic, and what a compensator reported.
+
+Messages of a topic mostly have one layout: the same names and lengths, and numbers at the same
+places. It is found once, and the numbers of all that share it are taken at once.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 import math
 from pathlib import Path
 import re
-from typing import Any, TYPE_CHECKING
+import struct
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,9 +26,6 @@ from friction_comp.recordings.storage import Storage, unpack
 from friction_comp.tables.columns import STATES
 from friction_comp.tables.units import Unit
 
-if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
-
 _DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 # Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them: used
 # where the usual ones have no effort.
@@ -32,28 +34,95 @@ _DYNAMIC = 'dynamic_joint_states'
 _INTERFACES = {'position': 0, 'velocity': 1, 'effort': 2, 'torque': 2, 'current': 3,
                'temperature': 4, 'motor_temperature': 4}
 _EFFORT, _CURRENT, _TEMPERATURE = 2, 3, 4
-# Message type of each signal that is read, and those without joint names.
+# Message type of each signal that is read.
 _TYPES = {**TOPICS, _DYNAMIC: 'control_msgs/msg/DynamicJointState'}
-_ARRAYS = ('current_command', 'direction')
 # Most joints, or values of a joint, in one message: a corrupt one could fill the memory.
 _MOST_NAMES = 200
 # Messages that are turned into arrays at once, and most numbers of one topic that are kept.
-_BATCH, _MOST = 20_000, 50_000_000
+_BATCH, _MOST = 5_000, 50_000_000
 
 
-def _message_types() -> Typestore:
-    """Return the message types of ROS 2, and that of dynamic joint states."""
-    # A table needs none of them.
-    from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+# Messages.
 
-    # In Jazzy they are the same; its module takes longer to import.
-    types = get_typestore(Stores.ROS2_FOXY)
-    types.register({
-        **get_types_from_msg('string[] interface_names\nfloat64[] values\n',
-                             'control_msgs/msg/InterfaceValue'),
-        **get_types_from_msg('std_msgs/Header header\nstring[] joint_names\n'
-                             'InterfaceValue[] interface_values\n', _TYPES[_DYNAMIC])})
-    return types
+class _Cdr:
+    """Reads along a message in the serialisation of DDS, and keeps where its layout stands."""
+
+    def __init__(self, raw: bytes) -> None:
+        self.raw, self.at = raw, 4
+        self.order = '<' if raw[1] & 1 else '>'
+        self.fixed = [*range(4)]    # places of the bytes that say what the others mean
+
+    def place(self, size: int, count: int = 1) -> int:
+        """Return where numbers of a size begin, and go to their end; ValueError without them."""
+        begin = self.at + (4 - self.at) % size
+        self.at = begin + size * count
+        if self.at > len(self.raw):
+            raise ValueError
+        return begin
+
+    def count(self) -> int:
+        """Return the number of entries that follow."""
+        begin = self.place(4)
+        self.fixed.extend(range(begin, self.at))
+        return int(struct.unpack_from(f'{self.order}I', self.raw, begin)[0])
+
+    def text(self) -> str:
+        """Return a text."""
+        begin = self.place(1, self.count())
+        self.fixed.extend(range(begin, self.at))
+        return self.raw[begin:self.at - 1].decode()
+
+    def texts(self) -> list[str]:
+        """Return a list of texts."""
+        return [self.text() for _ in range(self.count())]
+
+    def numbers(self, size: int = 8) -> range:
+        """Return where the numbers of a list stand."""
+        count = self.count()
+        begin = self.place(size, count) if count else self.at
+        return range(begin, self.at, size)
+
+
+class _Layout(NamedTuple):
+    """What the bytes of a message mean."""
+
+    numbers: list[tuple[str, int, int]]     # joint or frame, column, and place
+    dtype: np.dtype     # of the whole message: its numbers in this order, and its stamp
+    fixed: np.ndarray   # places of the bytes that all messages of this layout share
+    stamped: bool
+
+
+def _layout(raw: bytes, signal: str) -> _Layout:
+    """Return the layout of a message; raises an error if it makes no sense."""
+    cdr, stamp, kind = _Cdr(raw), dict[str, tuple[str, int]](), 'f8'
+    if signal in ('current_command', 'direction'):
+        labels = [(cdr.text(), cdr.place(4, 2))[0] for _ in range(cdr.count())]
+        cdr.place(4)
+        kind = 'i1' if signal == 'direction' else 'f8'
+        unit = TORQUE_UNIT * (labels[1:2] == [TORQUE_UNIT])
+        found = [(f'{unit}{k}', 0, at) for k, at in enumerate(cdr.numbers(int(kind[1])))]
+    else:
+        second = cdr.place(4, 2)
+        stamp, frame = {'sec': ('i4', second), 'nanosec': ('u4', second + 4)}, cdr.text()
+        if signal == 'interaction_wrench':
+            found = [(frame, 0, cdr.place(8, 6) + 40)]
+        elif signal == 'motor_temperature':
+            found = [(frame, 0, cdr.place(8, 2))]
+        elif signal == _DYNAMIC:
+            joints = cdr.texts()
+            found = [(joint, _INTERFACES[name], at) for joint in joints[:cdr.count()]
+                     for name, at in zip(cdr.texts(), cdr.numbers()) if name in _INTERFACES]
+        else:
+            # A single joint may have no name.
+            joints = cdr.texts() or ['']
+            found = [(joint, column, at) for column in range(len(STATES))
+                     for joint, at in zip(joints, cdr.numbers())]
+    if len({name for name, _, _ in found}) > _MOST_NAMES or len(raw) - cdr.at > 3:
+        raise ValueError
+    fields = {**{str(k): (kind, at) for k, (_, _, at) in enumerate(found)}, **stamp}
+    return _Layout(found, np.dtype({
+        'names': [*fields], 'formats': [cdr.order + form for form, _ in fields.values()],
+        'offsets': [at for _, at in fields.values()], 'itemsize': len(raw)}), np.array(cdr.fixed), bool(stamp))
 
 
 @dataclass
@@ -64,13 +133,83 @@ class Track:
     signal: str
     receive: np.ndarray  # (N,) of int64: ns
     stamp: np.ndarray  # (N,) of int64: ns, 0 throughout where the message has none
-    names: list[str]  # all joints or frames in the messages
-    # JointState: by joint, arrays (N, 3) of position, velocity and effort, NaN where a message has
-    # none. DynamicJointState: (N, 5), also current and temperature. Wrench and temperature: by
-    # frame, arrays (N, 1). Float64MultiArray and Int8MultiArray: an array (N, J) with the key '',
-    # or `TORQUE_UNIT` for commands in N·m, NaN in messages of the other unit.
+    # Arrays (N, columns) by joint or frame, NaN where a message has none. Of joint states:
+    # position, velocity and effort, of dynamic ones also current and temperature. Arrays have no
+    # joints, but numbers from 0; commands in N·m have `TORQUE_UNIT` before it.
     values: dict[str, np.ndarray]
 
+    @property
+    def names(self) -> list[str]:
+        """All joints or frames in the messages."""
+        return [*self.values]
+
+
+class _Reader:
+    """Collects the messages of a topic."""
+
+    def __init__(self, topic: str, signal: str) -> None:
+        self.topic, self.signal = topic, signal
+        self.count = self.broken = self.numbers = 0     # messages, and numbers in them
+        self.width = {'joint_states': 3, 'direction_stamped': 3, 'reference': 3, _DYNAMIC: 5}.get(
+            signal, 1)
+        # Messages that wait to be decoded, and those that were: receipt, stamp and values.
+        self._waiting: list[tuple[int, bytes]] = []
+        self._parts: list[tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]] = []
+
+    def add(self, receive: int, raw: bytes) -> bool:
+        """Add a message received at a time in ns; return whether that completes a batch."""
+        self._waiting.append((receive, raw))
+        self.count += 1
+        if len(self._waiting) < _BATCH:
+            return False
+        self.decode()
+        return True
+
+    def decode(self) -> None:
+        """Turn the messages that wait into arrays, and release them."""
+        times, messages = zip(*self._waiting) if self._waiting else ((), ())
+        receive, stamp = np.array(times, dtype=np.int64), np.zeros(len(times), dtype=np.int64)
+        raws, values = [*map(unpack, messages)], dict[str, np.ndarray]()
+        sizes, left = np.array([*map(len, raws)]), np.ones(len(raws), dtype=bool)
+        good = np.zeros(len(raws), dtype=bool)
+        while left.any():
+            first = int(np.argmax(left))
+            left[first] = False
+            try:
+                layout = _layout(raws[first], self.signal)
+            # A broken message may raise anything.
+            except Exception:
+                continue
+            rows = np.array([first, *np.flatnonzero(left & (sizes == sizes[first]))])
+            data = b''.join([raws[k] for k in rows])
+            fixed = np.frombuffer(data, np.uint8).reshape(len(rows), -1)[:, layout.fixed]
+            own = (fixed == fixed[0]).all(axis=1)
+            rows, numbers = rows[own], np.frombuffer(data, layout.dtype)[own]
+            left[rows], good[rows] = False, True
+            if layout.stamped:
+                stamp[rows] = numbers['sec'].astype(np.int64) * NANO + numbers['nanosec']
+            for k, (name, column, _) in enumerate(layout.numbers):
+                if name not in values:
+                    values[name] = np.full((len(raws), self.width), np.nan)
+                values[name][rows, column] = numbers[str(k)]
+        self.numbers += self.width * len(raws) * len(values)
+        self.broken += int(np.count_nonzero(~good))
+        self._parts.append((receive[good], stamp[good], {
+            name: rows[good] for name, rows in values.items()}))
+        self._waiting = []
+
+    def track(self) -> Track | None:
+        """Return all messages; None if there are none."""
+        self.decode()
+        receive, stamp = (np.concatenate([part[k] for part in self._parts]) for k in (0, 1))
+        names = dict.fromkeys(name for _, _, values in self._parts for name in values)
+        return Track(self.topic, self.signal, receive, stamp, {
+            name: np.concatenate([
+                values.get(name, np.full((len(times), self.width), np.nan))
+                for times, _, values in self._parts]) for name in names}) if len(receive) else None
+
+
+# What a compensator reported.
 
 @dataclass(frozen=True)
 class Activity:
@@ -100,15 +239,20 @@ class _ActivityLog:
     def __init__(self) -> None:
         self.changes: list[Activity] = []
 
-    def add(self, time: int, message: Any, begin: int) -> None:
+    def add(self, time: int, raw: bytes, begin: int) -> None:
         """Add a DiagnosticArray received at `time`, ns.
 
         A compensator's first report also applies to the time before it, back to `begin`, ns.
         """
-        before = len(self.changes)
-        for status in message.status:
+        before, cdr = len(self.changes), _Cdr(raw)
+        cdr.place(4, 2)
+        cdr.text()
+        for _ in range(cdr.count()):
+            cdr.place(1)
+            name, _, hardware = cdr.text(), cdr.text(), cdr.text()
+            values = {cdr.text(): cdr.text() for _ in range(cdr.count())}
             last = self.changes[-1] if self.changes else None
-            activity = _activity_of(status, time, last)
+            activity = _activity_of(name, hardware, values, time, last)
             if activity and (last is None or replace(
                     activity, time=last.time, joints=last.joints) != last):
                 self.changes.append(activity)
@@ -119,21 +263,23 @@ class _ActivityLog:
                 self.changes[0] = replace(first, time=min(first.time, begin))
 
 
-def _activity_of(status: Any, time: int, last: Activity | None) -> Activity | None:
-    """Return what a DiagnosticStatus of a compensator or of identification says, else None."""
-    values = {item.key: item.value for item in status.values}
-    if 'identification' in status.name:
+def _activity_of(name: str, hardware: str, values: Mapping[str, str], time: int,
+                 last: Activity | None) -> Activity | None:
+    """Return what a status of a compensator or of identification says, else None."""
+    if 'identification' in name:
         # The node reports a phase only while it moves a joint.
         if 'phase' in values:
-            return Activity(time, 'identification', '', '', status.hardware_id)
+            return Activity(time, 'identification', '', '', hardware)
         return Activity(time, '', '', '') if last and last.state == 'identification' else None
-    if 'compensator' not in f'{status.name} {status.hardware_id}':
+    if 'compensator' not in f'{name} {hardware}':
         return None
     # One file per joint is reported as a list: remove its brackets and quotes.
     model = re.sub(r"""['"\[\]]""", '', values.get('model_files', ''))
-    return Activity(time, values.get('state', ''), values.get('law', ''), model, status.hardware_id,
+    return Activity(time, values.get('state', ''), values.get('law', ''), model, hardware,
                     values.get('settings', ''))
 
+
+# A bag.
 
 @dataclass
 class Scan:
@@ -217,8 +363,7 @@ def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | N
         named = kind == TOPICS['joint_states'] and (joint or '').startswith(f'{topic}/')
         return signal_of(topic, kind) or ('joint_states' if named else None)
 
-    types, readers, activity, begin = _message_types(), dict[str, _Reader](), _ActivityLog(), 0
-    notes: list[str] = []
+    readers, activity, begin, notes = dict[str, _Reader](), _ActivityLog(), 0, list[str]()
     with os_errors_name(path, 'cannot be read: '):
         storage = Storage(path)
         with closing(storage.messages(
@@ -226,25 +371,19 @@ def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | N
         ) as messages:
             for topic, kind, receive, raw in messages:
                 begin = begin or receive
-                if topic not in readers:
-                    readers[topic] = _Reader(topic, signal(topic, kind) or '')
-                reader = readers[topic]
-                try:
-                    message = types.deserialize_cdr(unpack(raw), kind)
-                    if kind == _DIAGNOSTICS:
-                        activity.add(receive, message, begin)
-                    else:
-                        reader.add(receive, message)
-                # A broken message may raise anything.
-                except Exception:
-                    reader.broken += 1
-                if reader.waiting >= _BATCH:
-                    reader.decode()
-                    if reader.numbers > _MOST:
-                        notes.append('the recording is very long: only its first '
-                                     f'{(receive - begin) / NANO:.0f} s were read')
-                        break
-                if reader.signal in ('joint_states', _DYNAMIC) and reader.count >= first:
+                if kind == _DIAGNOSTICS:
+                    # A broken message may raise anything.
+                    with suppress(Exception):
+                        activity.add(receive, unpack(raw), begin)
+                    continue
+                reader = readers.get(topic)
+                if reader is None:
+                    reader = readers[topic] = _Reader(topic, signal(topic, kind) or '')
+                if reader.add(receive, raw) and reader.numbers > _MOST:
+                    notes.append('the recording is very long: only its first '
+                                 f'{(receive - begin) / NANO:.0f} s were read')
+                    break
+                if reader.count >= first and reader.signal in ('joint_states', _DYNAMIC):
                     break
     tracks, in_ampere, noted = _with_effort([
         track for reader in readers.values() if (track := reader.track()) is not None])
@@ -253,7 +392,8 @@ def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | N
         f'{_MOST_NAMES} joints' for reader in readers.values() if reader.broken]
     dimensions = {unit.dimension for unit in (units or {}).values()}
     return Scan(
-        path, [_in_si(track, units or {}) for track in tracks], storage.topics,
+        path, [_in_si(track, units or {}) for track in tracks],
+        {topic: (kind, storage.counts[topic]) for topic, kind in storage.kinds.items()},
         storage.notes + notes, storage.custom, activity.changes,
         effort_is_current=in_ampere or 'current' in dimensions,
         linear=bool(dimensions & {'length', 'length/time', 'force'}))
@@ -265,83 +405,6 @@ def _in_si(track: Track, units: Mapping[str, Unit]) -> Track:
     factors = [units[signal].factor if signal in units else 1.0 for signal in STATES]
     return replace(track, values={
         joint: values[:, :len(factors)] * factors for joint, values in track.values.items()})
-
-
-def _content(message: Any) -> tuple[Sequence[str], Any]:
-    """Return the joints or frames of a message, and columns of values: one of each, or fewer."""
-    if hasattr(message, 'data'):
-        labels = [dimension.label for dimension in message.layout.dim[1:2]]
-        return [TORQUE_UNIT if labels == [TORQUE_UNIT] else ''], message.data[:, None]
-    if hasattr(message, 'wrench'):
-        return [message.header.frame_id], [[message.wrench.torque.z]]
-    if hasattr(message, 'temperature'):
-        return [message.header.frame_id], [[message.temperature]]
-    if hasattr(message, 'interface_values'):
-        rows = np.full((len(message.joint_names), len(set(_INTERFACES.values()))), np.nan)
-        for row, own in zip(rows, message.interface_values):
-            for name, value in zip(own.interface_names, own.values):
-                if name in _INTERFACES:
-                    row[_INTERFACES[name]] = value
-        return message.joint_names, rows.T
-    # A single joint may have no name.
-    return message.name or [''] * min(len(message.position), 1), (
-        message.position, message.velocity, message.effort)
-
-
-class _Reader:
-    """Collects the messages of a topic."""
-
-    def __init__(self, topic: str, signal: str) -> None:
-        self.topic, self.signal = topic, signal
-        # Messages, those that wait to be decoded and without sense, and numbers that were decoded.
-        self.count = self.waiting = self.broken = self.numbers = 0
-        # Times of receipt, stamps and columns of messages with the same names and lengths.
-        self._rows: dict[Any, list[tuple[Any, ...]]] = {}
-        # Index of the messages, their times, and values by name.
-        self._parts: list[tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]] = []
-
-    def add(self, receive: int, message: Any) -> None:
-        """Add a message, received at a time in ns; raises an error if it makes no sense."""
-        names, columns = _content(message)
-        shape = *names, *map(len, columns)
-        if max(len(names), len(columns)) > _MOST_NAMES or receive >= 2 ** 63:
-            raise ValueError
-        stamp = message.header.stamp if hasattr(message, 'header') else None
-        self._rows.setdefault((len(names), shape), []).append((
-            self.count, receive, stamp.sec * NANO + stamp.nanosec if stamp else 0, *columns))
-        self.waiting += 1
-        self.count += 1
-
-    def decode(self) -> None:
-        """Turn the messages that wait into arrays, and release them."""
-        for (count, shape), messages in self._rows.items():
-            index, receive, stamp, *columns = zip(*messages)
-            rows = np.full((len(index), count, len(columns)), np.nan)
-            for k, column in enumerate(columns):
-                values = np.array(column)[:, :count]
-                rows[:, :values.shape[1], k] = values
-            self.numbers += rows.size
-            self._parts.append((np.array(index), np.array([receive, stamp]), {
-                name: rows[:, k] for k, name in enumerate(shape[:count])}))
-        self._rows, self.waiting = {}, 0
-
-    def track(self) -> Track | None:
-        """Return all messages; None if there are none."""
-        self.decode()
-        if not self._parts:
-            return None
-        receive, stamp = np.empty((2, self.count), dtype=np.int64)
-        widths = Counter[str]()
-        for _, _, own in self._parts:
-            widths |= Counter({name: rows.shape[1] for name, rows in own.items()})
-        values = {name: np.full((self.count, width), np.nan) for name, width in widths.items()}
-        while self._parts:
-            index, times, own = self._parts.pop()
-            receive[index], stamp[index] = times
-            for name, rows in own.items():
-                values[name][index, :rows.shape[1]] = rows
-        names = [] if self.signal in _ARRAYS else [*widths]
-        return Track(self.topic, self.signal, receive, stamp, names, values)
 
 
 def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]:
@@ -363,7 +426,7 @@ def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]
     for track in dynamic:
         # Sensors, too, have interfaces.
         moving = known(track, 0)
-        kept.append(replace(track, signal='joint_states', names=moving, values={
+        kept.append(replace(track, signal='joint_states', values={
             name: track.values[name][:, [0, 1, _CURRENT if in_ampere else _EFFORT]]
             for name in moving}))
         if warm := known(track, _TEMPERATURE):

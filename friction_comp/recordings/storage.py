@@ -3,6 +3,8 @@
 """The files of a bag, mcap or sqlite3, and the messages in them, in the order of the files.
 
 A file is read up to its end, or to the first part that is damaged or missing, and a note says so.
+Libraries give records; they refuse a file whose end is missing, which the recorder of a robot that
+lost its power leaves behind.
 """
 
 from __future__ import annotations
@@ -10,15 +12,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, suppress
+import io
+from mmap import ACCESS_READ, mmap
 from os import PathLike
 from pathlib import Path, PurePath
 import re
 import sqlite3
-from typing import Any
+import struct
 from urllib.parse import quote
 
 from mcap import records
-from mcap.stream_reader import breakup_chunk, StreamReader
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.stream_reader import get_chunk_data_stream
 import zstandard
 
 from friction_comp.errors import InputError, one_line
@@ -32,6 +38,8 @@ SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 METADATA = 'metadata.yaml'
 _ZSTD = b'\x28\xb5\x2f\xfd'
 _MAGIC = b'\x89MCAP0\r\n'
+# Beginning of a record, and of a message: channel, number, and times of receipt and sending, ns.
+_RECORD, _MESSAGE = struct.Struct('<BQ'), struct.Struct('<HIqq')
 # Largest chunk of messages and largest compressed message, bytes when unpacked.
 _LARGEST_CHUNK, _LARGEST_MESSAGE = 500_000_000, 1_000_000
 
@@ -46,9 +54,10 @@ class Storage:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        # Topic to (message type, number of messages), and notes on missing or damaged parts; both
-        # are complete after `messages` has ended.
-        self.topics: dict[str, tuple[str, int]] = {}
+        # Message type and number of messages of each topic, and notes on missing or damaged parts;
+        # all are complete after `messages` has ended.
+        self.kinds: dict[str, str] = {}
+        self.counts = Counter[str]()
         self.notes: list[str] = []
         self.custom: dict[str, str] = {}    # custom_data of the metadata
         self.files = [path] if path.is_file() else self._list_files()
@@ -61,37 +70,31 @@ class Storage:
         """
         failed = []
         for file in self.files:
-            count = Counter(dict.fromkeys(self.topics, 0))
+            before = self.counts.total()
             try:
                 with unpacked_file(file) as plain:
-                    yield from _READERS[plain.suffix](self, plain, wanted, count)
-            except InputError as error:
-                raise unreadable(self.path, str(error)) from None
+                    yield from _READERS[plain.suffix](self, plain, wanted)
             # What is damaged may raise anything.
             except Exception as error:
                 damage = 'damaged or not finished: ' + (
-                    'a part of it is missing' if isinstance(error, LookupError)
+                    'a part of it is missing' if isinstance(error, (LookupError, struct.error))
                     else one_line(error))
-                if sum(count.values()):
-                    self.notes.append(f'{file.name}: {damage}: {sum(count.values())} messages '
-                                      'before that were read')
+                if count := self.counts.total() - before:
+                    self.notes.append(f'{file.name}: {damage}: {count} messages before that were '
+                                      'read')
                 else:
                     failed.append(f'{file.name}: {damage}')
-            for topic, messages in count.items():
-                kind, before = self.topics[topic]
-                self.topics[topic] = kind, before + messages
         if len(failed) == len(self.files):
             raise unreadable(self.path, '; '.join(failed))
         self.notes.extend(f'{reason}: this file is missing' for reason in failed)
 
-    def declare(self, topic: str, kind: str, wanted: Wanted, encoding: str = 'cdr') -> bool:
+    def declare(self, topic: str, kind: str, wanted: Wanted, encoding: str) -> bool:
         """Take note of a topic, and return whether its messages are wanted."""
-        self.topics.setdefault(topic, (kind, 0))
-        if not wanted(topic, kind):
-            return False
-        if encoding not in ('cdr', ''):
-            raise InputError(f'{topic} is not serialised as CDR')
-        return True
+        self.kinds.setdefault(topic, kind)
+        if chosen := wanted(topic, kind):
+            if encoding not in ('cdr', ''):
+                raise ValueError(f'{topic} is not serialised as CDR')
+        return chosen
 
     def _list_files(self) -> list[Path]:
         """Return the files listed in the metadata, or else those in the folder."""
@@ -100,8 +103,7 @@ class Storage:
             about = read_yaml(self.path / METADATA, references=True)['rosbag2_bagfile_information']
             # Only the names, in this folder: metadata must not point outside of it.
             listed = [self.path / PurePath(name).name for name in about['relative_file_paths']]
-            custom = about.get('custom_data')
-            self.custom = {key: value for key, value in (custom or {}).items()
+            self.custom = {key: value for key, value in (about.get('custom_data') or {}).items()
                            if isinstance(key, str) and isinstance(value, str)}
         except Exception as error:
             if not files:
@@ -119,84 +121,80 @@ class Storage:
         return found
 
 
-def _read_mcap(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
-               ) -> Iterator[Message]:
+def _read_mcap(storage: Storage, file: Path, wanted: Wanted) -> Iterator[Message]:
     schemas: dict[int, str] = {}
     # Topic and type by channel, and whether its messages are wanted.
     channels: dict[int, tuple[str, str, bool]] = {}
-    for record in _mcap_records(file):
-        if isinstance(record, records.Message):
-            topic, kind, chosen = channels[record.channel_id]
-            count[topic] += 1
-            if chosen:
-                yield topic, kind, record.log_time, record.data
-        elif isinstance(record, records.Schema):
-            schemas[record.id] = record.name
-        elif isinstance(record, records.Channel):
-            topic, kind = record.topic, schemas.get(record.schema_id, '')
-            channels[record.id] = topic, kind, storage.declare(
-                topic, kind, wanted, record.message_encoding)
-
-
-def _mcap_records(file: Path) -> Iterator[Any]:
-    """Yield the records before an mcap file's index, those in chunks, too."""
-    size = file.stat().st_size
-    with open_input(file) as stream:
-        if stream.read(len(_MAGIC)) != _MAGIC:
-            raise ValueError('not an mcap file' if size else 'empty')
-        stream.seek(0)
-        for record in StreamReader(stream, emit_chunks=True, validate_crcs=True,
-                                   record_size_limit=size).records:
-            if isinstance(record, records.DataEnd):
+    with open_input(file) as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as whole:
+        if whole[:len(_MAGIC)] != _MAGIC:
+            raise ValueError('not an mcap file')
+        for kind, packed in _records(whole, len(_MAGIC)):
+            if kind == Opcode.DATA_END:
                 return
-            if isinstance(record, records.Chunk):
-                _check_chunk(record)
-                yield from breakup_chunk(record, validate_crc=True)
-            else:
-                yield record
+            for code, content in _records(_unpacked(packed)) if kind == Opcode.CHUNK else [
+                    (kind, packed)]:
+                if code == Opcode.MESSAGE:
+                    number, _, receive, _ = _MESSAGE.unpack_from(content)
+                    topic, type_name, chosen = channels[number]
+                    storage.counts[topic] += 1
+                    if chosen:
+                        yield topic, type_name, receive, content[_MESSAGE.size:]
+                elif code == Opcode.SCHEMA:
+                    schema = records.Schema.read(_stream(content))
+                    schemas[schema.id] = schema.name
+                elif code == Opcode.CHANNEL:
+                    own = records.Channel.read(_stream(content))
+                    type_name = schemas.get(own.schema_id, '')
+                    channels[own.id] = own.topic, type_name, storage.declare(
+                        own.topic, type_name, wanted, own.message_encoding)
 
 
-def _check_chunk(chunk: records.Chunk) -> None:
-    """Raise an error for a chunk that unpacks to more than it says, or than a recording holds."""
-    size, packed = chunk.uncompressed_size, len(chunk.data)
-    try:
-        check_unpacked('a chunk', size, packed)
-    except InputError as error:
-        raise ValueError(error) from None   # what stands before it is read
-    if size > _LARGEST_CHUNK:
-        raise ValueError(f'a chunk of {size} bytes, more than {_LARGEST_CHUNK}')
-    held = -1 if chunk.compression else packed
-    if chunk.compression == 'zstd':
-        held = zstandard.frame_content_size(chunk.data)
-    if held not in (-1, size):
-        raise ValueError('a chunk is not as large as it says')
+def _records(data: bytes | mmap, at: int = 0) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and content of the records of a file, or of a chunk in it."""
+    while at < len(data):
+        code, length = _RECORD.unpack_from(data, at)
+        begin, at = at + _RECORD.size, at + _RECORD.size + length
+        if at > len(data):
+            raise LookupError
+        yield code, data[begin:at]
 
 
-def _read_sqlite(storage: Storage, file: Path, wanted: Wanted, count: Counter[str]
-                 ) -> Iterator[Message]:
-    with closing(_connect(file)) as database:
+def _stream(content: bytes) -> ReadDataStream:
+    return ReadDataStream(io.BytesIO(content))
+
+
+def _unpacked(content: bytes) -> bytes:
+    """Return a chunk's records; an error if it unpacks to more than it says, or than any holds."""
+    chunk = records.Chunk.read(_stream(content))
+    size, packed = chunk.uncompressed_size, chunk.data
+    check_unpacked('a chunk', size, len(packed))
+    said = zstandard.frame_content_size(packed) if chunk.compression == 'zstd' else -1
+    if size > _LARGEST_CHUNK or said not in (-1, size):
+        raise ValueError(f'a chunk of {max(size, said)} bytes')
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    return stream.read(size)
+
+
+def _read_sqlite(storage: Storage, file: Path, wanted: Wanted) -> Iterator[Message]:
+    # Nothing is written beside it, unless it has a log that is not yet merged.
+    logged = check_input(file).with_name(f'{file.name}-wal').exists()
+    options = 'mode=ro' if logged else 'mode=ro&immutable=1'
+    with closing(sqlite3.connect(f'file:{quote(str(file.absolute()))}?{options}', uri=True)
+                 ) as database:
         # A view, or a virtual table, could yield rows without end.
         stored = dict(database.execute('SELECT name, sql FROM sqlite_master'))
         if not all(str(stored.get(name)).startswith('CREATE TABLE')
                    for name in ('topics', 'messages')):
             raise ValueError('not a database of rosbag2')
-        topics = {key: (str(topic), str(kind)) for key, topic, kind in
-                  database.execute('SELECT id, name, type FROM topics ORDER BY id')}
-        chosen = {key for key, topic, encoding in database.execute(
-            'SELECT id, name, serialization_format FROM topics')
-            if storage.declare(*topics[key], wanted, encoding)}
+        topics = {key: (str(topic), str(kind), storage.declare(
+            str(topic), str(kind), wanted, encoding)) for key, topic, kind, encoding in
+            database.execute('SELECT id, name, type, serialization_format FROM topics ORDER BY id')}
         for key, time, payload in database.execute(
                 'SELECT topic_id, timestamp, data FROM messages ORDER BY id'):
-            count[topics[key][0]] += 1
-            if key in chosen:
-                yield *topics[key], int(time), bytes(payload)
-
-
-def _connect(file: Path) -> sqlite3.Connection:
-    """Open a database without writing beside it, unless it has a log that is not yet merged."""
-    logged = check_input(file).with_name(f'{file.name}-wal').exists()
-    options = 'mode=ro' if logged else 'mode=ro&immutable=1'
-    return sqlite3.connect(f'file:{quote(str(file.absolute()))}?{options}', uri=True)
+            topic, kind, chosen = topics[key]
+            storage.counts[topic] += 1
+            if chosen:
+                yield topic, kind, int(time), bytes(payload)
 
 
 _READERS = {'.mcap': _read_mcap, '.db3': _read_sqlite}
