@@ -35,6 +35,10 @@ LOWEST = {'temperature': -100.0}
 """Smallest value of signals for which it is not minus the largest: colder than any place on earth,
 °C."""
 
+HOLE = 0.1
+"""Time for which a person's torque or the motion may be interpolated, s; a driver does not keep the
+current of a command for longer (the plant's `command_timeout`)."""
+
 
 def beyond(signal: str, values: np.ndarray) -> np.ndarray:
     """Return whether each value of a signal is impossible by `LIMITS`, `LOWEST`; False for NaN."""

@@ -12,7 +12,6 @@ from friction_comp import refine
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.recordings import read_recording, read_recording_with_info, scan, write_samples
-from friction_comp.recordings.reader import read_condensed
 from friction_comp.refinement.prepare import clipped, join, prepare
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
@@ -168,7 +167,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.slow
 def test_all_signals_are_averaged_alike_and_a_note_says_so(folder):
-    found = read_condensed(folder, limit=20_000)
+    found = read_recording_with_info(folder, limit=20_000)
     assert '4 samples at a time were averaged' in found[0][1].notes[-1]
     whole, _ = read_recording(folder)
     kept, _ = found[0]
@@ -181,14 +180,14 @@ def test_all_signals_are_averaged_alike_and_a_note_says_so(folder):
 
 @pytest.mark.slow
 def test_pieces_from_everywhere_are_kept_where_averages_are_too_many(folder):
-    found = [samples for samples, _ in read_condensed(folder, limit=5_000)]
+    found = [samples for samples, _ in read_recording_with_info(folder, limit=5_000)]
     assert 2_500 <= sum(map(len, found)) <= 7_500
     assert all(samples.time[0] < 25.0 < 50.0 < samples.time[-1] for samples in found)
 
 
 @pytest.mark.slow
 def test_a_ripple_is_found_in_averages(folder):
-    found = [samples for samples, _ in read_condensed(folder, limit=10_000)]
+    found = [samples for samples, _ in read_recording_with_info(folder, limit=10_000)]
     report = refine(found, drive=Drive(1.0, 1.0)).report
     assert [effect.name for effect in report.effects] == ['cogging']
     # The noise of averages is smaller by this factor.
@@ -208,7 +207,7 @@ def test_turns_are_continued_between_pieces_and_none_are_added(tmp_path, wrapped
     for half in (late, ~late):
         assert np.ptp(whole.position[half] - swing[half]) < 1e-6
     # Half of the pieces are left out: the joint may have turned in between.
-    (kept, info), = read_condensed(tmp_path / 'log', limit=3000)
+    (kept, info), = read_recording_with_info(tmp_path / 'log', limit=3000)
     assert re.fullmatch(r'the recordings are long: [\d.]+ % of them were kept', info.notes[-1])
     assert 500 < len(kept) < 5000
     assert np.allclose(kept.position, np.interp(kept.time, whole.time, whole.position))

@@ -294,7 +294,7 @@ def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
         progress(done / len(pieces))
         try:
             (samples, info), = read_recording_with_info(
-                piece.path, piece.joint, 1.0, layout=piece.layout)
+                piece.path, piece.joint, 1.0, layout=layout)
             # Joints of one name in several topics are different drives.
             name = piece.joint or info.joint
             measured = joints.setdefault(name, MeasuredJoint(name))

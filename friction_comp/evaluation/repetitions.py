@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.recordings.joint_samples import HOLE
 from friction_comp.recordings.scan import Activity
-from friction_comp.samples import RecordingInfo, Samples
+from friction_comp.samples import HOLE, RecordingInfo, Samples
 from friction_comp.statistics import gap_length, rms, top_speed
 
 # Share of the top speed above which the reference counts as moving, and as moving constantly.

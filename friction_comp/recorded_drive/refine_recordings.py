@@ -127,7 +127,7 @@ def refine_recordings(given: Given, paths: Sequence[Path],
 
     `show` is called with the share 0..1 that is done and a description.
     """
-    from friction_comp.recordings.reader import read_condensed
+    from friction_comp.recordings.reader import LIMIT, read_recording_with_info
 
     joint, model = given.joint, None
     if given.model:
@@ -139,9 +139,9 @@ def refine_recordings(given: Given, paths: Sequence[Path],
         if not joint and model.joint in recorded_joints(first, given.layout):
             joint = model.joint
     drive = drive_of(given, model)
-    recordings = read_condensed(
+    recordings = read_recording_with_info(
         paths, joint, drive.torque_per_current,
-        lambda share: show(0.2 * share, 'reading'), given.layout)
+        lambda share: show(0.2 * share, 'reading'), given.layout, limit=LIMIT)
     if model and given.model:
         model.check_joint(recordings[0][1].joint, given.model)
     unit = unit_of(given, model, [info for _, info in recordings])
@@ -219,7 +219,7 @@ def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
     Unless all loads were recorded, it is what no compensation law drove. Joints of an arm keep the
     same recordings, since they are fitted together.
     """
-    from friction_comp.recordings.joint_samples import without_compensation
+    from friction_comp.recordings.reader import without_compensation
 
     for parts in recorded.values():
         _check_loads((info.path, samples) for samples, info in parts)

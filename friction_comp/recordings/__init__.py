@@ -10,6 +10,8 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+BAGS, METADATA = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd'), 'metadata.yaml'
+"""Suffixes of the files of bags, and the name of the one that describes a folder."""
 _HOMES = {
     'scan': ['Activity'],
     'reader': ['find_recording', 'find_recordings', 'read_arm', 'read_joints', 'read_recording',

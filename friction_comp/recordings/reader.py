@@ -9,30 +9,33 @@ evenly over all recordings are kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 import math
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.recordings import joint_samples
-from friction_comp.recordings.scan import read_bag, Scan
-from friction_comp.recordings.storage import AnyPath, is_storage, METADATA
-from friction_comp.samples import RecordingInfo, Samples
+from friction_comp.files import AnyPath
+from friction_comp.recordings import BAGS, METADATA
+from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.statistics import evenly_spread
 from friction_comp.tables.columns import Layout, STATES
 from friction_comp.tables.table_files import is_table, parts_of, TABLES
 from friction_comp.tables.table_recording import TableRecording
 from friction_comp.tables.units import unit_of
 
+if TYPE_CHECKING:
+    from friction_comp.recordings.bag import Bag
+
+    Recording: TypeAlias = Bag | TableRecording
+
 Progress = Callable[[float], None]
-Recording = Scan | TableRecording
-"""A bag or a table: its joints, those moved with one, and the samples of one."""
 
 # Number of messages in which each joint occurs at least once, even with several publishers.
 _FIRST_MESSAGES = 200
@@ -85,7 +88,7 @@ def size_of(path: Path) -> int:
 
 def _expand(path: Path) -> Iterator[Path]:
     if all(part.is_file() for part in parts_of(path)):
-        if is_storage(path) or is_table(path):
+        if path.name.endswith((*BAGS, *TABLES)):
             yield path
     elif not path.is_dir():
         raise InputError(f'{path}: not a regular file')
@@ -95,19 +98,23 @@ def _expand(path: Path) -> Iterator[Path]:
         for child in sorted(path.iterdir()):
             # A hidden folder may be an unfinished recording. Tables in folders are results rather
             # than recordings.
-            if not child.name.startswith('.') and (child.is_dir() or is_storage(child)):
+            if not child.name.startswith('.') and (child.is_dir() or child.name.endswith(BAGS)):
                 yield from _expand(child)
 
 
 def open_recording(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
                    first: float = math.inf) -> Recording:
-    """Return a bag's content or a table; `joint` may name a topic of joint states of any name.
+    """Return a bag or a table: its joints, those moved with one, and the samples of one.
 
-    Of a bag, only the beginning is read until there are `first` joint states.
+    `joint` may name a topic of joint states of any name. Of a bag, only the beginning is read until
+    there are `first` joint states.
     """
     path = Path(path)
     if is_table(path) and not path.is_dir():
         return TableRecording(path, layout)
+    # A table needs none of it.
+    from friction_comp.recordings.bag import Bag
+
     layout = layout or Layout()
     units = {signal: unit for signal, text in layout.units.items() if signal in STATES
              and (unit := unit_of(signal, text)) is not None}
@@ -115,7 +122,7 @@ def open_recording(path: AnyPath, joint: str | None = None, layout: Layout | Non
         raise InputError(f'{path}: --columns, --rate, --stiffness, and units of other signals than '
                          'position, velocity and effort, which is in N·m, N or A, describe tables, '
                          'and this is none: the tool convert makes one')
-    return read_bag(path, joint, units, first)
+    return Bag(path, joint, units, first)
 
 
 def without_topic(path: AnyPath, joint: str | None) -> str | None:
@@ -132,8 +139,7 @@ def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     Those in several topics are /TOPIC/NAME. If the layout names the columns of one joint, it is
     that joint only. Raises InputError if the recording cannot be read.
     """
-    recording = open_recording(path, layout=layout, first=_FIRST_MESSAGES)
-    return [*recording.joints] if isinstance(recording, Scan) else recording.choices
+    return open_recording(path, layout=layout, first=_FIRST_MESSAGES).choices
 
 
 @dataclass(frozen=True)
@@ -142,7 +148,6 @@ class Piece:
 
     path: Path
     joint: str | None
-    layout: Layout | None = None
 
     def __str__(self) -> str:
         return str(self.path)
@@ -162,7 +167,7 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
         except InputError as error:
             failures.append(str(error))
         else:
-            pieces.extend(Piece(path, name or None, layout) for name in names)
+            pieces.extend(Piece(path, name or None) for name in names)
     return pieces, failures
 
 
@@ -184,8 +189,8 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     progress : callable, optional
         Called with the share 0..1 of all recordings that has been read.
     layout : Layout, optional
-        Known columns and units of a table, of which others are inferred from the names; or units
-        of position, velocity and effort in joint states.
+        Known columns and units of a table, of which others are told by their names; or units of
+        position, velocity and effort in joint states.
 
     Returns
     -------
@@ -204,35 +209,89 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
 
 def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                              torque_per_current: float = 1.0, progress: Progress | None = None,
-                             layout: Layout | None = None, others: bool = True
-                             ) -> list[tuple[Samples, RecordingInfo]]:
+                             layout: Layout | None = None, others: bool = True,
+                             limit: float = math.inf) -> list[tuple[Samples, RecordingInfo]]:
     """Return what `read_recording` does, with information on each recording.
 
-    `torque_per_current` is k_t · n in N·m/A. Without `others`, only the joint itself is read.
+    `torque_per_current` is k_t · n in N·m/A. Without `others`, only the joint itself is read. More
+    than about `limit` samples of all recordings together are averaged, and a note says so.
     """
-    return joint_samples.number_recordings(
-        _read_joint(recording, joint, torque_per_current, others)
-        for recording in _open_all(paths, progress, joint, layout))
-
-
-def _open_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joint: str | None,
-              layout: Layout | None) -> Iterator[Recording]:
-    """Yield each recording, and report the progress of all."""
     recordings = find_recordings(paths)
-    for index, path in enumerate(recordings):
-        yield open_recording(path, joint, layout)
+    sizes = [size_of(path) for path in recordings]
+    read: dict[int, tuple[Samples, RecordingInfo]] = {}
+    length, share = 1, 1.0
+    # By the largest one, it is known how many samples there are.
+    for done, index in enumerate(sorted(range(len(sizes)), key=lambda k: -sizes[k])):
+        recording = open_recording(recordings[index], joint, layout)
+        samples, info = recording.samples(joint, torque_per_current)
+        names = recording.siblings(joint) if others else []
+        if len(names) > 1:
+            samples = samples.with_(arm=_arm(samples, info, _usable_joints(recording, names)))
         if progress:
-            progress((index + 1) / len(recordings))
+            progress((done + 1) / len(recordings))
+        if not done:
+            total = len(samples) * sum(sizes) / max(sizes[index], 1)
+            # Averages over more than 10 ms hide friction at a reversal.
+            longest = max(1, round(0.01 / max(samples.sample_time, 1e-9)))
+            length = min(max(math.ceil(total / limit), 1), longest)
+            share = min(1.0, limit * length / max(total, 1.0))
+        kept = samples.with_(recording=np.full(len(samples), index)).averaged(length)
+        if share < 1.0:
+            # Pieces of 10 s are kept or left out.
+            kept = kept.take(evenly_spread(np.floor(kept.time / 10.0) + 7919 * index) < share)
+        if not len(kept):
+            raise InputError(f'{info.path}: has too few samples of joint {info.joint!r}')
+        if len(kept) < len(samples):
+            info.stamps = info.rows = None
+        read[index] = kept, info
+    first = read[0][1]
+    for index in range(len(recordings)):
+        if (info := read[index][1]).joint != first.joint:
+            raise InputError(f'{info.path}: contains joint {info.joint!r}, but {first.path} '
+                             f'contains {first.joint!r}: name one with --joint')
+    averaged = f'{length} samples at a time were averaged' * (length > 1)
+    if said := averaged + ', and ' * bool(averaged and share < 1.0) + (
+            f'{100.0 * share:.3g} % of them were kept' * (share < 1.0)):
+        first.notes.append(f'the recordings are long: {said}')
+    return [read[index] for index in range(len(recordings))]
 
 
-def _read_joint(recording: Recording, joint: str | None, torque_per_current: float,
-                others: bool = True) -> tuple[Samples, RecordingInfo]:
-    samples, info = joint_samples.to_samples(recording, joint, torque_per_current)
-    names = recording.siblings(joint) if others else []
-    if len(names) > 1:
-        samples = samples.with_(arm=joint_samples.joint_states_at(
-            samples, info, joint_samples.usable_joints(recording, names)))
-    return samples, info
+def _usable_joints(recording: Recording, names: Iterable[str],
+                   torque_per_current: Callable[[str], float] = lambda joint: 1.0
+                   ) -> dict[str, tuple[Samples, RecordingInfo]]:
+    """Return the joints that are usable; the first one notes the others. InputError if none is."""
+    read: dict[str, tuple[Samples, RecordingInfo]] = {}
+    faults: list[InputError] = []
+    wanted: list[str | None] = [*names] or [None]
+    for name in wanted:
+        try:
+            entry = recording.samples(name, torque_per_current(name or ''))
+        except InputError as error:
+            # An arm is usable even if, for instance, its gripper has no effort.
+            faults.append(error)
+            continue
+        if entry[1].joint in read:
+            raise InputError(f'{recording.path}: joint {entry[1].joint!r} is in several topics: '
+                             f'name one with --joint: {", ".join(recording.joints)}')
+        read[entry[1].joint] = entry
+    if not read:
+        raise faults[-1]
+    next(iter(read.values()))[1].notes[:0] = [f'left out: {fault}' for fault in faults]
+    return read
+
+
+def _arm(samples: Samples, info: RecordingInfo,
+         joints: dict[str, tuple[Samples, RecordingInfo]]) -> JointStates:
+    """Return the motion of all `joints`, interpolated to the times of one joint's `samples`."""
+    positions, speeds = [], []
+    for other, other_info in joints.values():
+        # Topics may begin at different times.
+        time = samples.time + (info.start - other_info.start)
+        positions.append(np.interp(time, other.time, other.position))
+        if other.velocity is not None:
+            speeds.append(np.interp(time, other.time, other.velocity))
+    return JointStates(tuple(joints), np.column_stack(positions),
+                       np.column_stack(speeds) if len(speeds) == len(positions) else None)
 
 
 def read_arm(paths: AnyPath | Sequence[AnyPath],
@@ -245,28 +304,32 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     all joints as `arm`. Raises InputError if a recording cannot be used, or their joints differ.
     """
     result: dict[str, list[tuple[Samples, RecordingInfo]]] = {}
-    for index, recording in enumerate(_open_all(paths, progress, None, layout)):
-        joints = joint_samples.usable_joints(recording, recording.joints, torque_per_current)
+    recordings = find_recordings(paths)
+    for index, path in enumerate(recordings):
+        recording = open_recording(path, layout=layout)
+        joints = _usable_joints(recording, recording.joints, torque_per_current)
+        if progress:
+            progress((index + 1) / len(recordings))
         if result and set(joints) != set(result):
             name = sorted(set(joints) ^ set(result))[0]
-            raise InputError(f'{recording.path}: joint {name!r} is not in all recordings: an arm '
-                             'needs the same joints in each')
+            raise InputError(f'{path}: joint {name!r} is not in all recordings: an arm needs the '
+                             'same joints in each')
         for name, (samples, info) in joints.items():
             samples = samples.with_(recording=np.full(len(samples), index),
-                                    arm=joint_samples.joint_states_at(samples, info, joints))
+                                    arm=_arm(samples, info, joints))
             result.setdefault(name, []).append((samples, info))
     return result
 
 
-def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | None = None,
-                layout: Layout | None = None) -> tuple[list[Samples], RecordingInfo]:
+def read_joints(path: AnyPath, joint: str | None = None, layout: Layout | None = None
+                ) -> tuple[list[Samples], RecordingInfo]:
     """Read one or all usable joints of one recording at the times at which all are usable.
 
     `current` is the effort in N·m, as with k_t = n = 1; the information is that of the first joint,
     with the notes on all. Raises InputError if the recording or a joint cannot be used.
     """
-    recording, = _open_all(find_recording(path), progress, joint, layout)
-    read = [*joint_samples.usable_joints(
+    recording = open_recording(find_recording(path), joint, layout)
+    read = [*_usable_joints(
         recording, recording.joints if joint is None else [joint]).values()]
     first = read[0][1]
     # In µs since the first joint's start: joints of several topics may begin at different times.
@@ -281,40 +344,18 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
     return [samples.with_(time=joints[0].time) for samples in joints], first
 
 
-def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
-                   torque_per_current: float = 1.0, progress: Progress | None = None,
-                   layout: Layout | None = None, limit: int = LIMIT
-                   ) -> list[tuple[Samples, RecordingInfo]]:
-    """Read recordings of one joint as `read_recording_with_info` does, in limited memory.
+def without_compensation(samples: Samples, info: RecordingInfo) -> Samples:
+    """Return the samples during which no compensation law drove the motor; note what is left out.
 
-    More than about `limit` samples of all recordings together are averaged, and a note says so.
+    Under a law the current follows its model: without the load, it says nothing about friction.
     """
-    recordings = find_recordings(paths)
-    sizes = [size_of(path) for path in recordings]
-    read: dict[int, tuple[Samples, RecordingInfo]] = {}
-    length, share = 0, 1.0
-    # By the largest one, it is known how many samples there are.
-    for done, index in enumerate(sorted(range(len(sizes)), key=lambda k: -sizes[k])):
-        samples, info = _read_joint(
-            open_recording(recordings[index], joint, layout), joint, torque_per_current)
-        if progress:
-            progress((done + 1) / len(recordings))
-        if not length:
-            total = len(samples) * sum(sizes) / max(sizes[index], 1)
-            # Averages over more than 10 ms hide friction at a reversal.
-            longest = max(1, round(0.01 / max(samples.sample_time, 1e-9)))
-            length = min(max(math.ceil(total / limit), 1), longest)
-            share = min(1.0, limit * length / max(total, 1))
-        kept = samples.with_(recording=np.full(len(samples), index)).averaged(length)
-        # Pieces of 10 s are kept or left out.
-        kept = kept.take(evenly_spread(np.floor(kept.time / 10.0) + 7919 * index) < share)
-        if not len(kept):
-            raise InputError(f'{info.path}: has too few samples of joint {info.joint!r}')
-        if len(kept) < len(samples):
-            info.stamps = info.rows = None
-        read[index] = kept, info
-    averaged = f'{length} samples at a time were averaged' * (length > 1)
-    if said := averaged + ', and ' * bool(averaged and share < 1.0) + (
-            f'{100.0 * share:.3g} % of them were kept' * (share < 1.0)):
-        read[0][1].notes.append(f'the recordings are long: {said}')
-    return joint_samples.number_recordings(read[index] for index in range(len(recordings)))
+    begins = [begin for begin, _ in info.activity]
+    active = np.array([False, *(activity.state == 'active' and activity.law not in ('', 'none')
+                                for _, activity in info.activity)])
+    compensated = active[np.searchsorted(begins, samples.time, 'right')]
+    if not compensated.any():
+        return samples
+    info.notes.append(
+        f'{100.0 * compensated.mean():.0f} % of the samples left out: a compensation law drove the '
+        'motor, and without the load its current does not show the friction')
+    return samples.take(~compensated)

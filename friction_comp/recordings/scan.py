@@ -8,10 +8,9 @@ places. It is found once, and the numbers of all that share it are taken at once
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 import math
 from pathlib import Path
 import re
@@ -20,11 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from friction_comp.errors import InputError, one_of, os_errors_name
+from friction_comp.errors import os_errors_name
 from friction_comp.messages import NANO, TOPICS, TORQUE_UNIT
 from friction_comp.recordings.storage import Storage, unpack
 from friction_comp.tables.columns import STATES
-from friction_comp.tables.units import Unit
 
 _DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 # Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them: used
@@ -87,9 +85,9 @@ class _Layout(NamedTuple):
     """What the bytes of a message mean."""
 
     numbers: list[tuple[str, int, int]]     # joint or frame, column, and place
+    stamped: bool
     dtype: np.dtype     # of the whole message: its numbers in this order, and its stamp
     fixed: np.ndarray   # places of the bytes that all messages of this layout share
-    stamped: bool
 
 
 def _layout(raw: bytes, signal: str) -> _Layout:
@@ -120,9 +118,9 @@ def _layout(raw: bytes, signal: str) -> _Layout:
     if len({name for name, _, _ in found}) > _MOST_NAMES or len(raw) - cdr.at > 3:
         raise ValueError
     fields = {**{str(k): (kind, at) for k, (_, _, at) in enumerate(found)}, **stamp}
-    return _Layout(found, np.dtype({
+    return _Layout(found, bool(stamp), np.dtype({
         'names': [*fields], 'formats': [cdr.order + form for form, _ in fields.values()],
-        'offsets': [at for _, at in fields.values()], 'itemsize': len(raw)}), np.array(cdr.fixed), bool(stamp))
+        'offsets': [at for _, at in fields.values()], 'itemsize': len(raw)}), np.array(cdr.fixed))
 
 
 @dataclass
@@ -137,11 +135,6 @@ class Track:
     # position, velocity and effort, of dynamic ones also current and temperature. Arrays have no
     # joints, but numbers from 0; commands in N·m have `TORQUE_UNIT` before it.
     values: dict[str, np.ndarray]
-
-    @property
-    def names(self) -> list[str]:
-        """All joints or frames in the messages."""
-        return [*self.values]
 
 
 class _Reader:
@@ -285,89 +278,31 @@ def _activity_of(name: str, hardware: str, values: Mapping[str, str], time: int,
 class Scan:
     """Raw contents of one bag."""
 
-    path: Path
     tracks: list[Track]
     topics: dict[str, tuple[str, int]]     # topic to message type and number of messages
     notes: list[str]                       # on what is missing or damaged
-    custom: dict[str, str] = field(default_factory=dict)    # custom_data of rosbag2's metadata
-    activity: list[Activity] = field(default_factory=list)
-    effort_is_current: bool = False        # whether efforts are in A, as tables may declare
-    linear: bool = False                   # whether positions are in m and efforts in N
-
-    def of(self, signal: str, topic: str = '') -> list[Track]:
-        """Return the tracks of a signal: those of topics with exactly its name, otherwise all.
-
-        Those in the namespace of a `topic` go before another robot's.
-        """
-        tracks = [track for track in self.tracks if track.signal == signal]
-        exact = [t for t in tracks if t.topic.rsplit('/', 1)[-1] == signal]
-        namespace = topic.rpartition('/')[0] + '/'
-        return sorted(exact or tracks, key=lambda track: not track.topic.startswith(namespace))
-
-    @property
-    def joints(self) -> dict[str, tuple[Track, str]]:
-        """Track of each joint, and its name there; /TOPIC/NAME where several topics hold it."""
-        found = [(track, name) for track in self.of('joint_states') for name in track.names]
-        count = Counter(name for _, name in found)
-        return {f'{track.topic}/{name}' if count[name] > 1 else name: (track, name)
-                for track, name in found}
-
-    def find(self, joint: str | None) -> tuple[Track, str]:
-        """Return the track of a joint, the only one by default, and its name there.
-
-        Raises InputError with the choices if it is not clear.
-        """
-        joints, wanted = self.joints, TOPICS['joint_states']
-        if not joints:
-            own = sorted(topic for topic, (kind, _) in self.topics.items() if kind == wanted)
-            if any(topic.endswith('joint_states') for topic in own):
-                raise InputError(f'{self.path}: its joint_states contain no message, or no joint')
-            raise InputError(f'{self.path}: no joint_states of type {wanted} in it ' + (
-                f'(of that type are {", ".join(own)}: name one, with its joint, as --joint '
-                '/TOPIC/NAME)' if own else f'(topics: {", ".join(sorted(self.topics)) or "none"})'))
-        # A single joint may have no name in the recording; any may be named with its topic.
-        if [*joints] == ['']:
-            return joints['']
-        whole = {f'{track.topic}/{name}': (track, name) for track, name in joints.values()}
-        return {**whole, **joints}[joint if joint in whole else one_of(
-            [*joints], joint, self.path)]
-
-    def siblings(self, joint: str | None) -> list[str]:
-        """Return the joints of an arm: of a joint's topic, and of others with other names."""
-        own, _ = self.find(joint)
-        return [name for name, (track, plain) in self.joints.items()
-                if track is own or plain not in own.names]
-
-    @property
-    def model(self) -> str | None:
-        """Active model file, if recorded: that in the metadata, else the one reported last."""
-        named = [activity.model for activity in self.activity if activity.model]
-        return self.custom.get('model_file') or (named[-1] if named else None)
+    custom: dict[str, str]                 # custom_data of rosbag2's metadata
+    activity: list[Activity]
+    in_ampere: bool                        # whether efforts are in A
 
 
-def signal_of(topic: str, type_name: str) -> str | None:
-    """Return the signal of a topic, found by its type and the ending of its name, or None."""
-    return next((signal for signal, wanted in _TYPES.items()
-                 if type_name == wanted and topic.endswith(signal)), None)
-
-
-def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | None = None,
-             first: float = math.inf) -> Scan:
+def scan_bag(path: Path, joint: str | None = None, first: float = math.inf) -> Scan:
     """Return what a bag holds; `joint` may name a topic of joint states of any name.
 
     Only the beginning is read until there are `first` joint states, or more than the memory takes.
     Raises InputError if it cannot be read.
     """
-    def signal(topic: str, kind: str) -> str | None:
-        # Joint states may have any name if the user gives it.
+    def signal(topic: str, kind: str) -> str:
+        # Topics have the type and name ending of a signal; joint states any name if it is given.
         named = kind == TOPICS['joint_states'] and (joint or '').startswith(f'{topic}/')
-        return signal_of(topic, kind) or ('joint_states' if named else None)
+        return next((signal for signal, wanted in _TYPES.items()
+                     if kind == wanted and topic.endswith(signal)), 'joint_states' * named)
 
     readers, activity, begin, notes = dict[str, _Reader](), _ActivityLog(), 0, list[str]()
     with os_errors_name(path, 'cannot be read: '):
         storage = Storage(path)
         with closing(storage.messages(
-                lambda topic, kind: kind == _DIAGNOSTICS or signal(topic, kind) is not None)
+                lambda topic, kind: kind == _DIAGNOSTICS or bool(signal(topic, kind)))
         ) as messages:
             for topic, kind, receive, raw in messages:
                 begin = begin or receive
@@ -378,7 +313,7 @@ def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | N
                     continue
                 reader = readers.get(topic)
                 if reader is None:
-                    reader = readers[topic] = _Reader(topic, signal(topic, kind) or '')
+                    reader = readers[topic] = _Reader(topic, signal(topic, kind))
                 if reader.add(receive, raw) and reader.numbers > _MOST:
                     notes.append('the recording is very long: only its first '
                                  f'{(receive - begin) / NANO:.0f} s were read')
@@ -390,21 +325,9 @@ def read_bag(path: Path, joint: str | None = None, units: Mapping[str, Unit] | N
     notes += noted + [
         f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
         f'{_MOST_NAMES} joints' for reader in readers.values() if reader.broken]
-    dimensions = {unit.dimension for unit in (units or {}).values()}
-    return Scan(
-        path, [_in_si(track, units or {}) for track in tracks],
-        {topic: (kind, storage.counts[topic]) for topic, kind in storage.kinds.items()},
-        storage.notes + notes, storage.custom, activity.changes,
-        effort_is_current=in_ampere or 'current' in dimensions,
-        linear=bool(dimensions & {'length', 'length/time', 'force'}))
-
-
-def _in_si(track: Track, units: Mapping[str, Unit]) -> Track:
-    if track.signal != 'joint_states' or not units:
-        return track
-    factors = [units[signal].factor if signal in units else 1.0 for signal in STATES]
-    return replace(track, values={
-        joint: values[:, :len(factors)] * factors for joint, values in track.values.items()})
+    return Scan(tracks, {topic: (kind, storage.counts[topic])
+                         for topic, kind in storage.kinds.items()},
+                storage.notes + notes, storage.custom, activity.changes, in_ampere)
 
 
 def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]:

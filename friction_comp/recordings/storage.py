@@ -14,7 +14,6 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, suppress
 import io
 from mmap import ACCESS_READ, mmap
-from os import PathLike
 from pathlib import Path, PurePath
 import re
 import sqlite3
@@ -29,24 +28,17 @@ import zstandard
 
 from friction_comp.errors import InputError, one_line
 from friction_comp.files import check_input, check_unpacked, open_input, read_yaml, unpacked_file
+from friction_comp.recordings import BAGS, METADATA
 
-AnyPath = str | PathLike[str]
 Message = tuple[str, str, int, bytes]
 Wanted = Callable[[str, str], bool]
 
-SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
-METADATA = 'metadata.yaml'
 _ZSTD = b'\x28\xb5\x2f\xfd'
 _MAGIC = b'\x89MCAP0\r\n'
 # Beginning of a record, and of a message: channel, number, and times of receipt and sending, ns.
 _RECORD, _MESSAGE = struct.Struct('<BQ'), struct.Struct('<HIqq')
 # Largest chunk of messages and largest compressed message, bytes when unpacked.
 _LARGEST_CHUNK, _LARGEST_MESSAGE = 500_000_000, 1_000_000
-
-
-def is_storage(path: Path) -> bool:
-    """Return whether a file contains messages, judging by its name."""
-    return path.name.endswith(SUFFIXES)
 
 
 class Storage:
@@ -98,7 +90,8 @@ class Storage:
 
     def _list_files(self) -> list[Path]:
         """Return the files listed in the metadata, or else those in the folder."""
-        files = sorted(filter(is_storage, self.path.iterdir()), key=_by_numbers)
+        files = sorted((path for path in self.path.iterdir() if path.name.endswith(BAGS)),
+                       key=_by_numbers)
         try:
             about = read_yaml(self.path / METADATA, references=True)['rosbag2_bagfile_information']
             # Only the names, in this folder: metadata must not point outside of it.

@@ -19,9 +19,9 @@ import numpy as np
 from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.files import create, new_folder, to_yaml, write_atomically
+from friction_comp.files import AnyPath, create, new_folder, to_yaml, write_atomically
 from friction_comp.messages import NANO, TOPICS
-from friction_comp.recordings.storage import AnyPath, METADATA
+from friction_comp.recordings import METADATA
 from friction_comp.samples import Samples
 
 Qos = dict[str, Any]

@@ -63,9 +63,7 @@ def convert(argv: list[str] | None = None) -> int:
         raise InputError(f'{output}: already exists; recordings are not overwritten')
     check_file(output)
     with progress('reading') as report:
-        joints, info = read_joints(
-            arguments.recording, arguments.joint, lambda share: report(0.5 * share),
-            layout_of(arguments))
+        joints, info = read_joints(arguments.recording, arguments.joint, layout_of(arguments))
         report(0.5, 'writing')
         if is_table(output):
             write_columns(output, table_of(joints))
