@@ -10,54 +10,43 @@ hour     `evaluate` of N s (an hour unless --seconds says otherwise) of joints a
          and fro, with an announced direction: time, and peak memory
 """
 
-import argparse
 from array import array
 import os
 from pathlib import Path
 import resource
-import signal
 import subprocess
 import sys
 import tempfile
 import time
 
 from bench_tools import table_parser
-from node_process import environment
+from geometry_msgs.msg import WrenchStamped
+from node_process import environment, Process
 import numpy as np
+from rclpy.duration import Duration
+from ros_system import joint_state, own_domain, probe_node
+from sensor_msgs.msg import Temperature
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
-from friction_comp.demo.processes import leased_domain
 from friction_comp.recordings import read_recording_with_info, RecordingWriter
 
-TOPICS = ('joint_states', 'current_command', 'direction', 'reference', 'interaction_wrench',
-          'motor_temperature')
 RATE = 1000
-TOOL = [sys.executable, '-m', 'friction_comp']
 
 
-def publish(seconds, joints):
+def publish(probe, seconds, joints):
     """Publish all topics at 1 kHz for some seconds; what was late is caught up with."""
-    from geometry_msgs.msg import WrenchStamped
-    import rclpy
-    from rclpy.duration import Duration
-    from rclpy.qos import QoSProfile, ReliabilityPolicy
-    from sensor_msgs.msg import JointState, Temperature
-    from std_msgs.msg import Float64MultiArray, Int8MultiArray
-
-    rclpy.init()
-    node = rclpy.create_node('publisher')
-    names = [f'joint_{k}' for k in range(joints)]
-    values = array('d', [0.1] * joints)
-    messages = dict(zip(TOPICS, (
-        JointState(name=names, position=values, velocity=values, effort=values),
-        Float64MultiArray(data=values), Int8MultiArray(data=[0] * joints),
-        JointState(name=names, position=values, velocity=values), WrenchStamped(), Temperature())))
-    messages['interaction_wrench'].header.frame_id = names[0]
-    messages['motor_temperature'].header.frame_id = names[0]
-    publishers = {topic: node.create_publisher(type(message), topic, QoSProfile(
-        depth=10_000, reliability=ReliabilityPolicy.RELIABLE))
-        for topic, message in messages.items()}
-    while any(p.get_subscription_count() < 1 for p in publishers.values()):
-        time.sleep(0.05)
+    names, values = [f'joint_{k}' for k in range(joints)], array('d', [0.1] * joints)
+    wrench, temperature = WrenchStamped(), Temperature()
+    wrench.header.frame_id = temperature.header.frame_id = names[0]
+    messages = {
+        'joint_states': joint_state(0, names, values, values, values),
+        'reference': joint_state(0, names, values, values),
+        'interaction_wrench': wrench, 'motor_temperature': temperature,
+        'current_command': Float64MultiArray(data=values),
+        'direction': Int8MultiArray(data=[0] * joints)}
+    publishers = {topic: probe.talk(type(message), topic) for topic, message in messages.items()}
+    for publisher in publishers.values():
+        probe.matched(publisher)
     time.sleep(1.0)
     begin, sent = time.perf_counter(), 0
     while sent < seconds * RATE:
@@ -76,23 +65,15 @@ def publish(seconds, joints):
 
 def record(folder, seconds, joints):
     """Yield what was published and recorded of each topic, losses counted, and CPU time."""
-    with leased_domain() as domain:
-        alone = environment(ROS_LOG_DIR=str(folder / 'log'), ROS_DOMAIN_ID=str(domain),
-                            ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-        recorder = subprocess.Popen(
-            [*TOOL, 'recorder', '--ros-args', '-p', f'output:={folder / "load"}'],
-            env=alone, stderr=subprocess.DEVNULL)
-        try:
-            subprocess.run([sys.executable, __file__, '--publish', str(seconds), str(joints)],
-                           env=alone, check=True, timeout=seconds * 3 + 120)
-        finally:
-            published = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-            recorder.send_signal(signal.SIGINT)
-            recorder.wait(120)
+    with own_domain(), probe_node() as probe, Process(
+            folder / 'log', 'recorder', {'output': str(folder / 'load')}, fresh=True) as recorder:
+        publish(probe, seconds, joints)
+        recorder.send()
+        recorder.wait()
+    cpu = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     (_, info), = read_recording_with_info(folder / 'load', 'joint_0', others=False)
-    cpu = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - published
     yield 'published of each', round(seconds * RATE)
-    yield 'recorded', {topic: info.topics[f'/{topic}'][1] for topic in TOPICS}
+    yield 'recorded', {name[1:]: count for name, (_, count) in info.topics.items()}
     yield 'recorder says', next((n for n in info.notes if 'lost' in n), 'none lost')
     yield 'recorder user CPU / time', f'{cpu / seconds:.2f}'
 
@@ -129,8 +110,8 @@ def hour(folder, seconds, joints):
     write_movements(folder / 'hour', seconds, joints)
     begin = time.monotonic()
     process = subprocess.Popen(
-        [*TOOL, 'evaluate', folder / 'hour', '--output', folder / 'out'],
-        env=environment(OMP_NUM_THREADS='1', OPENBLAS_NUM_THREADS='1'), stdout=subprocess.DEVNULL)
+        [sys.executable, '-m', 'friction_comp', 'evaluate', folder / 'hour',
+         '--output', folder / 'out'], env=environment(), stdout=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
     assert status == 0
     size = sum(path.stat().st_size for path in (folder / 'hour').iterdir()) / 1e6
@@ -148,11 +129,7 @@ def main():
     parser = table_parser(__doc__, joints=7)
     parser.add_argument('--rows', nargs='+', default=list(ROWS), choices=ROWS)
     parser.add_argument('--seconds', type=float)
-    parser.add_argument('--publish', nargs=2, type=float, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    if arguments.publish:
-        publish(arguments.publish[0], int(arguments.publish[1]))
-        return
     for row in arguments.rows:
         ask, seconds = ROWS[row]
         with tempfile.TemporaryDirectory() as folder:

@@ -2,24 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plant, compensation law and person in one loop, without any middleware."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from friction_comp.simulation.joint import ReferenceHold
 
-if TYPE_CHECKING:
-    from friction_comp.compensation.law import CompensationLaw
-    from friction_comp.direction.exercise import ReferenceMovement
-    from friction_comp.simulation.joint import Plant
-
 SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature')
 
 
-def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement, duration: float
-                ) -> dict[str, np.ndarray]:
+def closed_loop(plant, law, movement, duration):
     """Run a plant under a compensation law for `duration` s while a person follows a movement.
 
     Per sample, in this order: the law turns the plant's latest state into a command, then the plant
@@ -28,32 +18,22 @@ def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement,
     Returns arrays by name: ``time`` (N,) and, of shape (N, J), `SIGNALS`, ``command``,
     ``direction`` and the reference: the state at each time and the command that it led to.
     """
-    count = round(duration / plant.sample_time)
     every = max(1, round(0.01 / plant.sample_time))
-    shape = (count, plant.joints)
-    log: dict[str, np.ndarray] = {name: np.zeros(shape) for name in SIGNALS + (
-        'command', 'direction', 'reference_position', 'reference_velocity')}
-    log['time'] = np.zeros(count)
-    hold = ReferenceHold()
-    direction, end = np.zeros(plant.joints), np.full(plant.joints, np.nan)
+    count = round(duration / plant.sample_time)
+    hold, rows, each = ReferenceHold(), [], np.ones(plant.joints)
     shown = np.transpose(movement.at(np.arange(0, count, every) * plant.sample_time))
     for k in range(count):
         state = plant.state
         if k % every == 0:
             position, velocity, d = shown[k // every]
-            direction = np.full(plant.joints, float(d))
-            end = np.full(plant.joints, movement.end(d))
-            hold.update(state.time, np.full(plant.joints, position),
-                        np.full(plant.joints, velocity))
+            direction, end = d * each, movement.end(d) * each
+            hold.update(state.time, position * each, velocity * each)
         command = law.update(state.time, state.position, state.velocity, direction,
                              temperature=state.temperature, end=end)
         position, velocity = hold.at(state.time)
-        log['time'][k] = state.time
-        for name in SIGNALS:
-            log[name][k] = getattr(state, name)
-        log['command'][k] = command
-        log['direction'][k] = direction
-        log['reference_position'][k] = position
-        log['reference_velocity'][k] = velocity
+        rows.append([np.copy(values) for values in (
+            state.time, *(getattr(state, name) for name in SIGNALS), command, direction,
+            position, velocity)])
         plant.step(command, position, velocity)
-    return log
+    return dict(zip(('time', *SIGNALS, 'command', 'direction', 'reference_position',
+                     'reference_velocity'), map(np.array, zip(*rows))))
