@@ -29,7 +29,6 @@ from friction_comp.identification.run import (
     curve_misfit,
     doubts_of_curve,
     doubts_of_cycles,
-    doubts_of_positions,
     doubts_of_ramps,
     IdentificationRun,
     uncertainty_of,
@@ -128,7 +127,7 @@ def test_friction_that_stays_is_what_was_measured_first(first, again):
     assert not drift
     if not again:
         assert not doubts_of_cycles(first, drift)
-        assert not doubts_of_positions(first, twice.position_slopes(first))
+        assert not doubts_of_cycles(first, {}, twice.position_slopes(first))
         assert uncertainty_of(first, done, 0.0) < 0.02
         assert uncertainty_of(first, done, 0.03) == pytest.approx(0.06, rel=0.1)
 
@@ -147,7 +146,7 @@ def test_neither_a_spring_nor_gravity_is_taken_for_viscous_friction(load):
     (lambda v, x, t: plain(v, x, t) * (1.0 + 0.03 * np.sin(20.0 * x)), lambda x: 0.0, None)])
 def test_what_rises_over_position_is_named_and_a_ripple_is_not(friction, load, words):
     done = cycles(friction, load)
-    said = doubts_of_positions(done, twice.position_slopes(done))
+    said = doubts_of_cycles(done, {}, twice.position_slopes(done))
     assert [word.startswith(words) for word in said] == ([True] if words else [])
 
 

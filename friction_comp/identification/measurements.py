@@ -21,10 +21,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.signal import savgol_filter
 
-from friction_comp.errors import InputError
 from friction_comp.identification.goal import (
     constant_velocity_windows,
     FEWEST,
@@ -66,40 +64,6 @@ class KineticPoint:
     position: float = 0.0        # mean over the phase, rad
 
 
-def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: ArrayLike,
-                               speed: float, cycle_time: float
-                               ) -> tuple[KineticPoint, KineticPoint]:
-    """Average the current over the phases of one cycle of Eq. 3 at +ω_c and at -ω_c.
-
-    Time in s since the beginning of the cycle, position in rad and measured current in A, each
-    (N,). With the weights s²·(1 - s)² of a phase's share s, a controller that still settles hardly
-    matters, and friction that varies over position averages out. Raises InputError if a phase has
-    too few samples.
-    """
-    time, position, current = (
-        np.asarray(values, dtype=float) for values in (time, position, current))
-    points = []
-    for sign, (begin, end) in zip((1.0, -1.0), constant_velocity_windows(cycle_time, SETTLING)):
-        chosen = (time >= begin) & (time <= end)
-        if np.sum(chosen) < FEWEST:
-            raise InputError(f'speed {sign * speed:g} rad/s: {np.sum(chosen)} samples of the '
-                             'constant-velocity phase are too few to average')
-        t = time[chosen] - np.mean(time[chosen])
-        x, i = position[chosen], current[chosen]
-        share = (t - t[0]) / (t[-1] - t[0])
-        # Samples may come unevenly: each stands for the time around it.
-        weight = (share * (1.0 - share)) ** 2 * np.gradient(t)
-        weight /= np.sum(weight)
-        slope, middle = np.polyfit(t, x, 1)
-        straight = x - slope * t - middle
-        distance = max(abs(slope) * (t[-1] - t[0]), 1e-12)
-        points.append(KineticPoint(
-            speed=sign * speed, current=float(weight @ i),
-            standard_deviation=float(np.std(i)), actual_speed=float(weight @ np.gradient(x, t)),
-            unsteadiness=float(np.max(np.abs(straight)) / distance), position=float(weight @ x)))
-    return points[0], points[1]
-
-
 @dataclass(frozen=True)
 class Cycle:
     """One cycle of Eq. 3; points are those of the positive and of the negative direction."""
@@ -114,11 +78,16 @@ class Cycle:
     @classmethod
     def measured(cls, begin: float, duration: float, speed: float, samples: np.ndarray,
                  commands: np.ndarray, gain: float = 1.0) -> Cycle:
-        """Return the cycle that begins at a time in s; InputError without enough samples."""
-        time, position, current = samples[np.isfinite(samples[:, 2])].T
+        """Return the cycle that begins at a time in s, with means of its currents.
+
+        With the weights s²·(1 - s)² of a phase's share s, a controller that still settles hardly
+        matters, and friction that varies over position averages out. Raises IdentificationError if
+        a phase has too few samples.
+        """
         points, commanded = (
-            constant_velocity_currents(t - begin, x, i, speed, duration)
-            for t, x, i in ((time, position, current), (*samples.T[:2], commands)))
+            tuple(_mean_of(sign * speed, phase) for sign, phase in zip(
+                (1.0, -1.0), phases_of(rows, begin, duration)))
+            for rows in (samples, np.column_stack((samples[:, :2], commands))))
         return cls(begin, duration, points, commanded, samples, gain)
 
     @property
@@ -156,10 +125,32 @@ class Cycle:
 
     def phases(self) -> list[np.ndarray]:
         """Return the samples of both phases at constant velocity, each of shape (N, 3)."""
-        since = self.samples[:, 0] - self.begin
-        known = np.isfinite(self.samples[:, 2])
-        return [self.samples[(since >= begin) & (since <= end) & known]
-                for begin, end in constant_velocity_windows(self.duration, SETTLING)]
+        return phases_of(self.samples, self.begin, self.duration)
+
+
+def phases_of(samples: np.ndarray, begin: float, duration: float) -> list[np.ndarray]:
+    """Return rows of s, rad and A of a cycle's two phases at constant velocity, as far as known."""
+    since = samples[:, 0] - begin
+    return [samples[(since >= first) & (since <= last) & np.isfinite(samples[:, 2])]
+            for first, last in constant_velocity_windows(duration, SETTLING)]
+
+
+def _mean_of(speed: float, phase: np.ndarray) -> KineticPoint:
+    if len(phase) < FEWEST:
+        raise IdentificationError(f'speed {speed:g} rad/s: {len(phase)} samples of the '
+                                  'constant-velocity phase are too few to average')
+    time, x, i = phase.T
+    t = time - np.mean(time)
+    share = (t - t[0]) / (t[-1] - t[0])
+    # Samples may come unevenly: each stands for the time around it.
+    weight = (share * (1.0 - share)) ** 2 * np.gradient(t)
+    weight /= np.sum(weight)
+    slope, middle = np.polyfit(t, x, 1)
+    distance = max(abs(slope) * (t[-1] - t[0]), 1e-12)
+    return KineticPoint(
+        speed=speed, current=float(weight @ i), standard_deviation=float(np.std(i)),
+        actual_speed=float(weight @ np.gradient(x, t)), position=float(weight @ x),
+        unsteadiness=float(np.max(np.abs(x - slope * t - middle)) / distance))
 
 
 def position_slopes(cycles: Sequence[Cycle]) -> tuple[float, float]:

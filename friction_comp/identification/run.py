@@ -18,7 +18,6 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
 from friction_comp.identification import measurements as shown
 from friction_comp.identification.curves import fit_sigmoid
 from friction_comp.identification.goal import (
@@ -214,10 +213,7 @@ class IdentificationRun(SupervisedRun):
             return None
         if np.mean(np.isfinite(driven[:, 2])) < 0.95:
             raise IdentificationError('the measured current is not finite')
-        try:
-            cycle = Cycle.measured(begin, duration, speed, driven, np.array(commands), gain)
-        except InputError as error:
-            raise IdentificationError(str(error)) from None
+        cycle = Cycle.measured(begin, duration, speed, driven, np.array(commands), gain)
         held = cycle.scatter <= 0.5 and all(
             max(abs(point.actual_speed / point.speed - 1.0), point.unsteadiness) <= 0.1
             for point in cycle.points)
@@ -329,10 +325,9 @@ class IdentificationRun(SupervisedRun):
         breakaway, misfit = shown.breakaway_of(self.ramps), curve_misfit(points, sigmoid)
         say = self.supervision.say
         warnings = [
-            *self.warnings, *doubts_of_cycles(cycles, drift), *found.warnings,
+            *self.warnings, *doubts_of_cycles(cycles, drift, slopes), *found.warnings,
             *doubts_of_ramps(breakaway, points, self.goal.breakaway_cycles,
                              self.supervision.step, found.presliding, say),
-            *doubts_of_positions(self.cycles, slopes),
             *doubts_of_curve(points, sigmoid, misfit, say)]
         return IdentificationResult(
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
@@ -453,14 +448,22 @@ def curve_misfit(points: Sequence[KineticPoint], sigmoid: Sigmoid) -> float:
 
 # What is doubtful, as texts.
 
-def doubts_of_cycles(cycles: Sequence[Cycle], drift: dict[float, float]) -> list[str]:
-    """Return what is doubtful about cycles: currents, scatter, and drift."""
+def doubts_of_cycles(cycles: Sequence[Cycle], drift: dict[float, float],
+                     slopes: Sequence[float] = (0.0, 0.0)) -> list[str]:
+    """Return what is doubtful about cycles: currents, scatter, drift, and what rises over position.
+
+    `slopes` are those of `position_slopes`, A/rad.
+    """
     measured = sum(cycle.friction for cycle in cycles)
     gain = measured / sum(replace(cycle, points=cycle.commanded).friction for cycle in cycles)
     offset = sum(one.current - other.current for cycle in cycles
                  for one, other in zip(cycle.points, cycle.commanded)) / (2.0 * measured)
     worst = max(cycles, key=lambda cycle: cycle.scatter)
     sizes = ', '.join(f'by {share:+.1%} at {speed:.3g} rad/s' for speed, share in drift.items())
+    # By how much friction and the load rise from the middle to an end, shares of friction.
+    half = 0.5 * max(float(np.ptp(cycle.samples[:, 1])) for cycle in cycles)
+    rises, loads = (0.5 * half * len(cycles) / measured * abs(slopes[0] + side * slopes[1])
+                    for side in (-1.0, 1.0))
     return [text for applies, text in (
         (abs(gain - 1.0) > _CURRENTS,
          f'the measured current is {gain:.2f} times the commanded one: torque constant, gear ratio '
@@ -474,23 +477,12 @@ def doubts_of_cycles(cycles: Sequence[Cycle], drift: dict[float, float]) -> list
          'velocity controller'),
         (sizes, f'friction drifted during the measurement: {sizes}. The look-up table and its '
          'curve are those of the end, breakaway is the mean of the time before. Let the drive warm '
-         'up, then identify it again')) if applies]
-
-
-def doubts_of_positions(cycles: Sequence[Cycle], slopes: Sequence[float]) -> list[str]:
-    """Return whether friction, or the load, rises over the positions of cycles.
-
-    `slopes` are those of `position_slopes`, A/rad.
-    """
-    forward, backward = slopes
-    half = 0.5 * max(float(np.ptp(cycle.samples[:, 1])) for cycle in cycles)
-    friction = float(np.mean([cycle.friction for cycle in cycles]))
-    return [what.format(share) for what, slope in (
-        ('friction rises over position, by about ±{:.0%} of friction: the table has means over the '
-         'range, breakaway is that of its middle', 0.5 * (forward - backward)),
-        ('the load rises over position, by about ±{:.0%} of friction: gravity, or a spring. Add it '
-         'with refine, since compensated friction no longer holds a weight',
-         0.5 * (forward + backward))) if (share := half * abs(slope) / friction) > 0.05]
+         'up, then identify it again'),
+        (rises > 0.05, f'friction rises over position, by about ±{rises:.0%} of friction: the '
+         'table has means over the range, breakaway is that of its middle'),
+        (loads > 0.05, f'the load rises over position, by about ±{loads:.0%} of friction: gravity, '
+         'or a spring. Add it with refine, since compensated friction no longer holds a weight')
+        ) if applies]
 
 
 def doubts_of_ramps(breakaway: Breakaway, points: Sequence[KineticPoint], cycles: int, step: float,

@@ -372,15 +372,13 @@ class Controller(NamedTuple):
     bandwidth: float = BANDWIDTH        # rad/s
 
 
-def controller_state() -> np.ndarray:
-    """Return a controller at rest: position, velocity, integral, reference velocity."""
-    return np.array([np.nan, 0.0, 0.0, 0.0])
-
-
 @njit(cache=True)
 def controller_step(parameters: Controller, state: np.ndarray, reference_position: float,
                     reference_velocity: float, position: float, time_step: float) -> float:
-    """Return the current in A for one sample (rad, rad/s, s), and advance the state in place."""
+    """Return the current in A for one sample (rad, rad/s, s), and advance the state in place.
+
+    The state is position (NaN at first), velocity, integral and reference velocity.
+    """
     if np.isnan(state[0]):
         state[0], state[3] = position, reference_velocity
     bandwidth = parameters.bandwidth
@@ -658,7 +656,7 @@ class SupervisedRun(ABC):
             supervision.acceleration, self._plausible_current(speed),
             self._expected_current(1, speed), -self._expected_current(-1, speed), bandwidth)
         supervision.control(bandwidth)
-        state = controller_state()
+        state = np.array([np.nan, 0.0, 0.0, 0.0])
         begin, last = self.sample.time, self.sample.time - 1e-3
         samples, commands, sample = [], [], self.sample
         while sample.time - begin < duration:
