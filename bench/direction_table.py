@@ -20,7 +20,7 @@ import numpy as np
 
 from friction_comp import CompensationLaw
 from friction_comp.direction.sources import CALIBRATION_TIME, DesiredMotion, ForceDirection
-from law_judge.bank import Bank, Joints, true_models
+from law_judge.bank import Joints, make_bank
 from world import gear as world
 from world.person import nobody
 
@@ -141,18 +141,6 @@ def hours_at_rest(hours, joints, seed):
 
 # Followers.
 
-def follower_bank(world, draws, seed):
-    """Return a bank of gears whose encoders have the steps of an MIT-mode drive."""
-    kinds, gears = [], []
-    for kind in world.KINDS:
-        drawn = world.draw_gears(kind, draws, seed)
-        drawn['resolution'] = POSITION_STEP
-        kinds += [kind] * draws
-        gears.append(drawn)
-    gears = np.concatenate(gears)
-    return Bank(world, kinds, gears, true_models(world, gears, seed, 12), seed)
-
-
 def reference(time, speed):
     """Return desired position and speed: out, a rest, back, a rest."""
     t = time - FIRST
@@ -237,7 +225,9 @@ def rest_rows(options):
 
 
 def follow_rows(options):
-    bank = follower_bank(world, options.draws, options.seed)
+    # Their encoders have the steps of an MIT-mode drive.
+    bank = make_bank(world, world.KINDS, options.draws, options.seed,
+                     lambda gears: gears.__setitem__('resolution', POSITION_STEP))
     found = {way: follow(bank, way) for way in WAYS}
     bare = found['without']
     stuck = bare['stairs'] > STUCK
