@@ -13,10 +13,9 @@ from friction_comp import FrictionModel
 from law_judge.bank import ASKED, identified_bank, make_bank
 from second_world.families import draw, make
 from second_world.judging import noise_floor
-from world import gear as world, motion
+from world import gear as world
 from world.gear import (
     breakaway_currents,
-    CLAMP,
     draw_gears,
     frictionless,
     FRICTIONS,
@@ -25,7 +24,6 @@ from world.gear import (
     presliding,
     steady_friction,
 )
-from world.joint import carried, Controller, DT, Joint, new_state, resistance, simulate
 from world.person import drivers, nobody
 
 EVEN = 0
@@ -113,22 +111,6 @@ def test_a_frictionless_joint_conserves_energy():
     assert energy() == pytest.approx(before, rel=0.05)
 
 
-def test_presliding_loops_close_and_hold_the_joint():
-    gears = plain_gears()
-    gears = gears[gears['friction'] != CLAMP]
-    plant = Plant(gears, nobody(len(gears)), EVEN)
-    size, period = 0.6 * level(gears), 2.0
-    rows = push(plant, lambda t: size * np.sin(2.0 * np.pi * t / period), 3.0 * period)
-    x = rows['motor']
-    end = [x[round(k * period / plant.sample_time) - 1] for k in (2, 3)]
-    swing = np.ptp(x[-round(period / plant.sample_time):], axis=0)
-    assert np.all(swing > 0.01 * gears['presliding'])
-    # Maxwell-slip loops close exactly after one turn; smooth kinds all but close
-    assert np.all(np.abs(end[1] - end[0]) < 0.05 * swing)
-    # and none has slid
-    assert np.all(np.abs(x[-1]) < gears['presliding'] + gears['link_bristle'])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(('kind', 'seed', 'off'), [
     ('lugre', 6, 0.1), ('lugre', 25, 0.05), ('maxwell_slip', 2, 0.05)])
@@ -164,28 +146,6 @@ def test_the_world_knows_nothing_of_the_package_but_its_samples_and_of_no_judge(
                 assert name.split('.')[0] not in {
                     'friction_comp', 'law_judge', 'second_world', 'simulated_recordings',
                     } or name == 'friction_comp.Samples', f'{path.name}: {name}'
-
-
-@pytest.mark.slow
-def test_motor_work_is_stored_or_dissipated():
-    """In A rad, with the currents taken as torque over k_t n."""
-    joint = Joint(inertia=0.05, coulomb=0.4, viscous=0.2, gravity=1.3, gravity_phase=0.4,
-                  spring=0.5, stribeck=0.6)
-    reference = motion.KINDS['joystick'](np.random.default_rng(3), 4.0, 0.8, 1.5)
-    trace = simulate(joint, Controller(proportional=40.0, derivative=2.0, integral=20.0),
-                     reference)
-    work = np.sum(trace.current * trace.v) * DT
-    kinetic = 0.5 * joint.inertia * (trace.v[-1] ** 2 - trace.v[0] ** 2)
-    height = [-joint.gravity * np.cos(q + joint.gravity_phase)
-              + 0.5 * joint.spring * (q - joint.spring_centre) ** 2 + joint.offset * q
-              for q in (trace.q[0], trace.q[-1])]
-    state = new_state(trace.q[0])
-    lost = 0.0
-    for t, q, v in zip(trace.time, trace.q, trace.v):
-        total = resistance(joint, state, t, q, v, 0.0, 0.0, DT)
-        lost += (total - carried(joint, q, v, 0.0)) * v * DT
-    assert lost > 0.3
-    assert work == pytest.approx(kinetic + height[1] - height[0] + lost, abs=0.01 * lost)
 
 
 @pytest.mark.parametrize('family', ['none', 'gravity', 'load', 'temperature', 'ripple', 'rest',

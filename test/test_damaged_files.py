@@ -23,6 +23,7 @@ import pytest
 from recording_maker import record, states
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from scipy.io import savemat
+from table_maker import write
 import zstandard
 
 from friction_comp.__main__ import run
@@ -102,12 +103,9 @@ def convert_to(suffix, make):
 FORMATS = {
     'mcap': convert_to('.mcap', lambda folder: bag(folder, StoragePlugin.MCAP)),
     'sqlite3': convert_to('.db3', lambda folder: bag(folder, StoragePlugin.SQLITE3)),
-    'CSV': table('.csv', lambda path: np.savetxt(
-        path, np.column_stack([*COLUMNS.values()]), delimiter=',', header=','.join(COLUMNS),
-        comments='')),
-    'CSV to a bag': ('.csv', lambda folder: np.savetxt(
-        folder / 'good.csv', np.column_stack([*COLUMNS.values()]), delimiter=',',
-        header=','.join(COLUMNS), comments=''), ['convert', 'good.csv', '--output', 'out']),
+    'CSV': table('.csv', lambda path: write(path, **COLUMNS)),
+    'CSV to a bag': ('.csv', lambda folder: write(folder / 'good.csv', **COLUMNS), [
+        'convert', 'good.csv', '--output', 'out']),
     'npy': table('.npy', lambda path: np.save(path, np.rec.fromarrays(
         [*COLUMNS.values()], names=[*COLUMNS]).view(np.ndarray))),
     'npz': table('.npz', lambda path: np.savez_compressed(path, **COLUMNS)),
@@ -151,6 +149,8 @@ def answer(folder, what, file='', most=resource.RLIM_INFINITY, end=None):
 
     No file may become larger than `most` bytes; `end` is a signal, and the s after which it comes.
     """
+    for part in ('work', 'said', 'temporary'):
+        (folder / part).mkdir(parents=True, exist_ok=True)
     begun, begin = os.pipe()
     child = os.fork()
     if not child:
@@ -201,9 +201,8 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path, name):
     faults = []
     for number in range(-1, COUNT):
         folder = tmp_path / 'one'
-        for part in ('work', 'said', 'temporary'):
-            (folder / part).mkdir(parents=True)
         path = folder / 'work' / f'good{suffix}'
+        path.parent.mkdir(parents=True)
         path.write_bytes(good if number < 0 else mutated(good, number))
         shutil.copy(MODEL, folder / 'work' / 'model.yaml')
         code, out, error = answer(folder, what, path.name)
@@ -362,9 +361,8 @@ HOSTILE = {
 @pytest.mark.parametrize('name', HOSTILE)
 def test_a_hostile_file_is_refused_in_one_line(tmp_path, name):
     file, content, what, words = HOSTILE[name]
-    for part in ('work', 'said', 'temporary'):
-        (tmp_path / part).mkdir()
     work = tmp_path / 'work'
+    work.mkdir()
     (work / 'good.csv').write_text(sheet())
     if isinstance(content, str):
         (work / file).write_text(content)
@@ -405,8 +403,7 @@ def test_references_in_metadata_fill_no_memory(tmp_path):
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_recording_that_is_converted_is_whole_or_absent_whatever_ends_it(tmp_path, number):
     """Ended at any time, nothing is left of it, neither beside it nor in the temporary folder."""
-    for part in ('work', 'said', 'temporary'):
-        (tmp_path / part).mkdir()
+    (tmp_path / 'work').mkdir()
     record(tmp_path / 'r', states(2000), compression=CompressionMode.FILE)
     shutil.move(tmp_path / 'r' / 'r.mcap.zstd', tmp_path / 'work' / 'good.mcap.zstd')
     codes = []
@@ -427,8 +424,7 @@ def test_a_recording_that_is_converted_is_whole_or_absent_whatever_ends_it(tmp_p
 
 @pytest.mark.parametrize('output', ['out', 'out.csv'])
 def test_on_a_full_disk_nothing_is_left(tmp_path, output):
-    for part in ('work', 'said', 'temporary'):
-        (tmp_path / part).mkdir()
+    (tmp_path / 'work').mkdir()
     (tmp_path / 'work' / 'good.csv').write_text(sheet())
     code, _, error = answer(tmp_path, ['convert', 'good.csv', '--output', output], most=20_000)
     assert (code, error.count('\n')) == (2, 1), error
