@@ -138,5 +138,5 @@ $(VENV)/installed: $(VENV)/requirements $(VENV)/compiled $(SOURCES)
 	@rm -rf build/lib* build/bdist*
 	@$(PIP) install --no-build-isolation .
 # Nobody is to wait for it when nodes start.
-	@$(BIN)/python -m friction_comp.nodes.compile_nodes
+	@$(BIN)/python -c 'from friction_comp.nodes import compile_nodes; compile_nodes()'
 	@touch $@

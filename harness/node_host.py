@@ -8,6 +8,7 @@ interpreter, but reports more often, and only the first of each kind ends as in 
 
 import atexit
 import gc
+import importlib
 import inspect
 import json
 import os
@@ -19,20 +20,14 @@ from rclpy.type_support import check_for_type_support
 from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.__main__ import NODES, run
-import friction_comp.nodes.compensator
-from friction_comp.nodes.compile_nodes import compile_nodes
-import friction_comp.nodes.direction
-import friction_comp.nodes.exercise
-import friction_comp.nodes.identification
-import friction_comp.nodes.plant
-import friction_comp.nodes.recorder
-import friction_comp.nodes.refinement  # noqa: F401
+from friction_comp.nodes import compile_nodes
 from friction_comp.ros import node_parts
 
 
 def load_once():
-    """Load what each node would load at its start: types of messages, and where code is for logs.
-    """
+    """Load what each node would load at its start: code, types of messages, its place for logs."""
+    for name in NODES:
+        importlib.import_module(f'friction_comp.nodes.{name}')
     kinds = {value for name, module in list(sys.modules.items())
              if name.startswith(('friction_comp.', 'rclpy.')) for value in vars(module).values()
              if hasattr(type(value), '__import_type_support__')}

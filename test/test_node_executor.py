@@ -24,7 +24,7 @@ class Listener(Node):
 
     def __init__(self, context, batch_time):
         super().__init__('listener', context=context)
-        self.heard, self.fast_timers, self.batch_time = [], [], batch_time
+        self.heard, self.batch_time = [], batch_time
         for topic in ('first', 'second'):
             self.create_subscription(
                 Int32, topic, lambda m, topic=topic: self.hear(topic, m), RELIABLE)

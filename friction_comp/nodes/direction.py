@@ -55,7 +55,7 @@ class DirectionNode(Node):
         Diagnostics(self, self._report, joints, f'direction by {source}')
         self.create_service(Trigger, '~/calibrate', self._on_calibrate,
                             callback_group=ReentrantCallbackGroup())
-        self.fast_timers = [self.create_timer(1.0 / settings['rate'], self._announce)]
+        self.create_timer(1.0 / settings['rate'], self._announce)
 
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds) / NANO

@@ -81,9 +81,8 @@ class ExerciseNode(Node):
             self.create_subscription(
                 Clock, '/clock', lambda message: self._on_tick(nanoseconds(message.clock)), qos)
         else:
-            self.fast_timers = [self.create_timer(
-                1.0 / settings['rate'],
-                lambda: self._on_tick(self.get_clock().now().nanoseconds))]
+            self.create_timer(1.0 / settings['rate'],
+                              lambda: self._on_tick(self.get_clock().now().nanoseconds))
 
     def _on_joint_states(self, message: Any) -> None:
         stamp = nanoseconds(message.header.stamp)

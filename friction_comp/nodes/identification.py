@@ -28,7 +28,6 @@ from friction_comp.identification import goal as goals
 from friction_comp.identification.goal import IdentificationGoal, TrajectoryGoal
 from friction_comp.identification.run import IdentificationRun, TrajectoryRun
 from friction_comp.messages import NANO, nanoseconds
-from friction_comp.nodes.goal_server import GoalServer
 from friction_comp.ros import joint_io, node_parts as parts
 from friction_comp.ros.ros_start import steady_timer
 
@@ -90,7 +89,7 @@ class IdentificationNode(Node):
         self.create_subscription(JointState, 'joint_states', self._on_joint_states,
                                  joint_io.QOS[settings['input_reliability']])
         steady_timer(self, _PERIOD, self._check_connections)
-        self._goals = GoalServer(self)
+        self._goals = parts.GoalServer(self)
         for kind, name, make_goal, make_run, finish in (
                 (IdentifyFriction, 'identify_friction', identification_goal, IdentificationRun,
                  self._finish_identification),

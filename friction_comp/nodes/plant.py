@@ -85,7 +85,7 @@ class PlantNode(Node):
         else:
             self._started, self._overruns = time.monotonic_ns(), 0
             self._origin = self.get_clock().now().nanoseconds
-            self.fast_timers = [steady_timer(self, sample_time, self._on_time)]
+            steady_timer(self, sample_time, self._on_time)
 
     def _make_plant(self, models: Any) -> Plant:
         file, files = self._settings['arm_file'], self._settings['undeclared_effect_files']

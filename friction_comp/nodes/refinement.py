@@ -29,7 +29,6 @@ from friction_comp.files import file_names
 from friction_comp.messages import NANO
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
-from friction_comp.nodes.goal_server import GoalServer
 from friction_comp.recorded_drive.child import Refined, RefinementProcess
 from friction_comp.recorded_drive.refine_recordings import Given
 from friction_comp.recordings.writer import RecordingWriter
@@ -121,7 +120,7 @@ class RefinementNode(Node):
         self._fits = dict.fromkeys(self._joints, True)
         self._topics = DatedTopics(self, self._keep, ('reference',)).topics
         steady_timer(self, 1.0, self._monitor)
-        self._goals = GoalServer(self)
+        self._goals = parts.GoalServer(self)
         self._goals.serve(RefineModel, 'refine_model', self._accept, self._execute)
         parts.Diagnostics(self, self._report, self._joints, 'refinement')
 

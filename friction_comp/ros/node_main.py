@@ -56,7 +56,7 @@ def yield_to_executor() -> Generator[None, None, None]:
 
 
 class _StreamSet:
-    """A wait set of messages and fast timers, built once; rclpy builds one for every callback."""
+    """A wait set of messages and timers, built once; rclpy builds one for every callback."""
 
     def __init__(self, context: Any, guard: Any, subscriptions: list[Any], timers: list[Any]
                  ) -> None:
@@ -94,23 +94,21 @@ class _SlowEntities:
 
 
 class StreamExecutor(executors.Executor):
-    """Waits for messages only, and polls services, actions and timers fifty times per second.
+    """Waits for messages and timers only, and polls services and actions fifty times per second.
 
     That saves half of rclpy's processor time (bench/round_trip.py). Before a message is taken from
     a subscription, all messages of those created earlier are taken: a node whose answer to a topic
-    depends on another topic subscribes to that one first. A node may have `fast_timers`, which do
-    not wait for the next poll, and a `batch_time` in s, by which messages may be delayed to be
-    processed together, which is cheaper.
+    depends on another topic subscribes to that one first. A node may have a `batch_time` in s, by
+    which messages may be delayed to be processed together, which is cheaper.
     """
 
     def __init__(self, node: Any) -> None:
         super().__init__(context=node.context)
         self._is_changed = True
         self._node, self._slow_entities = node, _SlowEntities(node)
-        self._fast_timers = list(getattr(node, 'fast_timers', ()))
         self._batch_time = getattr(node, 'batch_time', 0.0)
         self._subscriptions: list[tuple[Any, ...]] = []
-        self._slow_timers: list[Any] = []
+        self._timers: list[Any] = []
         self._set: _StreamSet | None = None
         self._due = 0.0
         self._said: dict[str, float] = {}
@@ -157,7 +155,6 @@ class StreamExecutor(executors.Executor):
         end = time.monotonic() + _PATIENCE
         while not future.done() and time.monotonic() < end:
             self._process_streams(_POLL_PERIOD)
-            self._call_timers(self._slow_timers)
         try:
             return future.result(0.0)
         except InputError:
@@ -177,20 +174,23 @@ class StreamExecutor(executors.Executor):
             self._subscriptions = [
                 (entity, entity.handle, entity.msg_type, entity.raw, entity.callback,
                  _takes_message_only(entity.callback)) for entity in subscriptions]
-            self._slow_timers = [timer for timer in node.timers if timer not in self._fast_timers]
+            self._timers = list(node.timers)
             # The base class triggers its guard when the node's entities have changed.
-            self._set = _StreamSet(node.context, self._guard, subscriptions, self._fast_timers)
+            self._set = _StreamSet(node.context, self._guard, subscriptions, self._timers)
         return self._set
 
     def _process_streams(self, seconds: float) -> None:
-        """Wait for messages or fast timers, and process them."""
+        """Wait for messages or timers, and process them."""
         last_ready = self._stream_set().wait(0.0 if self._batch_time else seconds)
-        self._call_timers(self._fast_timers)
         # The last ready one gives a single message, before which all of the earlier ones are taken
         # (see the class). Use a copy, since a callback may replace the list.
         for index, subscription in enumerate(self._subscriptions[:last_ready + 1]):
             while self._take(*subscription) and index < last_ready:
                 pass
+        for timer in self._timers:
+            if timer.handle.is_timer_ready():
+                timer.handle.call_timer()
+                self._schedule(timer.callback())
         if self._batch_time:
             time.sleep(min(self._batch_time, seconds))
 
@@ -237,22 +237,15 @@ class StreamExecutor(executors.Executor):
             self._node.get_logger().error(text)
         return text
 
-    def _call_timers(self, timers: list[Any]) -> None:
-        for timer in timers:
-            if timer.handle.is_timer_ready():
-                timer.handle.call_timer()
-                self._schedule(timer.callback())
-
     def _schedule(self, result: Any) -> None:
         """Continue a callback later if it waits."""
         if inspect.iscoroutine(result):
             self.create_task(result)
 
     def _poll(self) -> None:
-        """Process everything but the streams."""
+        """Process services and actions."""
         if not self.context.ok():
             raise executors.ExternalShutdownException
-        self._call_timers(self._slow_timers)
         with suppress(executors.ShutdownException, executors.TimeoutException):
             # One pass over the waiting callbacks and what is ready ends with a timeout.
             while True:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What every node has: parameters, as config/parameters.yaml describes them, and diagnostics.
+"""What nodes have: parameters, as config/parameters.yaml describes them, diagnostics, and goals.
 
 That file is the only place that knows defaults, meanings, ranges and choices. ROS passes over names
 that nothing reads, so that a misspelt limit would leave the default in place: they are told.
@@ -9,9 +9,11 @@ that nothing reads, so that a misspelt limit would leave the default in place: t
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from functools import partial
 import re
 import time
+import traceback
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -22,6 +24,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 import yaml
 
 from friction_comp.errors import errors_name, InputError
@@ -212,3 +215,61 @@ class Rate:
         now, (before, count) = time.monotonic(), self._last_call
         self._last_call = (now, self.count)
         return (self.count - count) / max(now - before, 1e-3)
+
+
+class GoalServer:
+    """One goal at a time, of whichever action; `last` and `refused` are for diagnostics."""
+
+    def __init__(self, node: Any) -> None:
+        self._node = node
+        self._busy = False
+        self.last = self.refused = ''
+
+    def serve(self, kind: Any, name: str, accept: Callable[[Any], object],
+              run: Callable[[Any, Any], Awaitable[str]],
+              cancel: Callable[[], object] = lambda: None) -> ActionServer:
+        """Serve an action.
+
+        `accept` gets a request and raises InputError to refuse it. `run` gets the handle and the
+        result of a goal, fills the result and returns what it says; InputError says why it failed,
+        or that it was cancelled. `cancel` is called when that is asked for.
+        """
+        def on_cancel(_: Any) -> CancelResponse:
+            cancel()
+            return CancelResponse.ACCEPT
+        return ActionServer(
+            self._node, kind, name, partial(self._execute, kind, run),
+            goal_callback=partial(self._on_goal, accept), cancel_callback=on_cancel)
+
+    def _on_goal(self, accept: Callable[[Any], object], request: Any) -> GoalResponse:
+        try:
+            if self._busy:
+                raise InputError('another goal is running')
+            accept(request)
+        except InputError as error:
+            self.refused = str(error)
+            self._node.get_logger().warning(f'goal rejected: {error}')
+            return GoalResponse.REJECT
+        self.refused, self._busy = '', True
+        return GoalResponse.ACCEPT
+
+    async def _execute(self, kind: Any, run: Callable[[Any, Any], Awaitable[str]], handle: Any
+                       ) -> Any:
+        result = kind.Result()
+        try:
+            result.message = await run(handle, result)
+            result.success = True
+        except InputError as error:
+            result.message = str(error)
+        except Exception:
+            self._node.get_logger().error(traceback.format_exc())
+            result.message = 'an error in the node, see its log'
+        finally:
+            self._busy = False
+        end, finish = (('done', handle.succeed) if result.success else
+                       ('canceled', handle.canceled) if handle.is_cancel_requested else
+                       ('aborted', handle.abort))
+        self.last = f'{end}: {result.message}'
+        self._node.get_logger().info(self.last)
+        finish()
+        return result
