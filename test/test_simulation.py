@@ -138,49 +138,25 @@ def test_movement_refuses_what_cannot_be(changes, words):
         ReferenceMovement(**changes)
 
 
-@pytest.mark.parametrize('gear', ['clamp', 'lugre', 'maxwell_slip'])
-def test_a_model_file_chooses_the_gear(gear):
-    """Below breakaway it gives by a fraction of a milliradian, beyond it slides; late by two."""
-    model = replace(note_model(1), simulation={
-        **note_model(1).simulation, 'gear': gear, 'delay_samples': 2,
-        'presliding_damping': 20.0})
-    plant = Plant([model], seed=4)
-    currents = [plant.step([0.05]).current[0] for _ in range(5)]
-    assert max(np.abs(currents[:2])) < 0.02 < min(currents[2:])
-    for _ in range(600):
-        state = plant.step([0.05])
-    assert 1e-5 < state.position[0] < 1e-3
+def test_an_undeclared_torque_beyond_friction_sets_the_joint_in_motion():
+    extra = Undeclared.from_effects([{'name': 'offset', 'parameters': {'torque': 2.0}}])
+    plant = Plant([note_model(1)], undeclared=[extra])
     for _ in range(500):
-        state = plant.step([0.2])
-    assert state.position[0] > 0.05
+        state = plant.step([0.0])
+    assert state.position[0] < -0.05
 
 
-def test_undeclared_effects_act_on_every_gear():
-    """A constant torque beyond friction sets the joint in motion, the other way for minus."""
-    for gear in ({}, {'gear': 'clamp'}, {'gear': 'lugre'}, {'gear': 'maxwell_slip'}):
-        model = replace(note_model(1), simulation={**note_model(1).simulation, **gear})
-        extra = Undeclared.from_effects([{'name': 'offset', 'parameters': {'torque': 2.0}}])
-        plant = Plant([model], undeclared=[extra])
-        for _ in range(500):
-            state = plant.step([0.0])
-        assert state.position[0] < -0.05, gear
+def test_what_is_not_known_of_a_simulation_is_refused():
+    with pytest.raises(InputError, match='inertai'):
+        Plant([note_model(1, inertai=0.1)])
 
 
-@pytest.mark.parametrize(('entries', 'word'), [
-    ({'inertai': 0.1}, 'inertai'), ({'gear': 'worm'}, 'gear'), ({'gear': ['clamp']}, 'gear'),
-    ({'gear': 'lugre', 'delay_samples': 9}, 'delay_samples'),
-    ({'rotor_share': 0.5}, 'rotor_share needs a gear')])
-def test_what_is_not_known_of_a_simulation_is_refused(entries, word):
-    with pytest.raises(InputError, match=word):
-        Plant([note_model(1, **entries)])
-
-
-def rests(person, gear):
+def rests(person):
     """Return where a joint comes to rest after a movement of 0.5 rad, and what set it in motion.
 
     The drive is that of configuration 1, whose breakaway the person's spring alone stays below.
     """
-    model = still(note_model(1), **({'gear': 'clamp'} if gear else {}))
+    model = still(note_model(1))
     human = {**model.simulation['human'], 'stiffness': 1.0, **person}
     plant = Plant([replace(model, simulation={**model.simulation, 'human': human})])
     states = [plant.step([0.0], [0.5], [0.0]) for _ in range(3000)]
@@ -188,16 +164,15 @@ def rests(person, gear):
         s.interaction_torque[0] for s in states if s.position[0] < 0.001)
 
 
-@pytest.mark.parametrize('gear', [False, True], ids=['rigid', 'geared'])
-def test_the_person_pushes_on_until_the_joint_has_arrived(gear):
+def test_the_person_pushes_on_until_the_joint_has_arrived():
     """What sets the joint in motion is its breakaway torque, not what the spring happens to be."""
     model = note_model(1)
     level = model.breakaway.positive_mean * model.drive.torque_per_current
-    end, push = rests({}, gear)
+    end, push = rests({})
     assert abs(end - 0.5) <= ARRIVED
     assert push == pytest.approx(level, rel=0.05)
     # A person who does not keep pushing leaves it where it is.
-    end, push = rests({'integral_time': 0.0}, gear)
+    end, push = rests({'integral_time': 0.0})
     assert abs(end) < 1e-3
     assert push < 0.6
 
@@ -261,7 +236,6 @@ def test_the_same_seed_gives_the_same_numbers_with_mujoco(engine):
     (lambda room: MujocoPlant(room / 'missing.xml', ['a'], [drive(1)]), 'there is no such file'),
     (lambda room: MujocoPlant(ARM, ['knee'], [drive(1)]), "no joint 'knee'; it has turn"),
     (lambda room: MujocoPlant(ARM, ['turn'], [drive(1), drive(2)]), 'one model per joint'),
-    (lambda room: MujocoPlant(ARM, ['turn'], [drive(1, gear='clamp')]), 'simulates the links'),
     (lambda room: MujocoPlant(room / 'bad.xml', ['turn'], [drive(1)]), 'MuJoCo cannot read it')])
 def test_wrong_input_is_named(engine, make, words, tmp_path):
     (tmp_path / 'bad.xml').write_text('<mujoco><nonsense/></mujoco>', encoding='utf-8')

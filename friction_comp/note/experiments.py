@@ -114,9 +114,9 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
         for field in FRICTION:
             parameters[field] *= 1e-6
     law = law_parameters(model, 'none' if name == 'inertia' else name)
-    log, _, _ = closed_loops(
+    log, _ = closed_loops(
         parameters, random_states((seed, 1), REPETITIONS), np.tile(law, REPETITIONS),
-        reference, np.arange(REPETITIONS), sample_time=SAMPLE_TIME)
+        reference, np.arange(REPETITIONS), SAMPLE_TIME)
     shown = movement.at(time)
     recordings = [
         Samples(
@@ -146,13 +146,12 @@ def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: in
     count = round(10.0 / SAMPLE_TIME)
     still, direction = np.zeros((2, count)), np.zeros((2, count))
     direction[:, round(0.5 / SAMPLE_TIME):] = [[1.0], [-1.0]]
-    _, extremes, _ = closed_loops(
+    _, largest = closed_loops(
         np.tile(joint_parameters(experiment.model()), STANDSTILLS),
         random_states((seed, 2), STANDSTILLS),
         np.tile(law_parameters(model, law), STANDSTILLS),
-        (still, still, direction), np.arange(STANDSTILLS) % 2, released=0,
-        sample_time=SAMPLE_TIME, every=0)
-    return np.asarray(np.abs(extremes).max(axis=1))
+        (still, still, direction), np.arange(STANDSTILLS) % 2, SAMPLE_TIME, held=False)
+    return largest
 
 
 def identify(experiment: Experiment, cycles: int, seed: int) -> IdentificationResult:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated geared joints with encoder, current sensor, torque sensor S2 and a person.
+"""Simulated joints with encoder, current sensor, torque sensor S2 and a person.
 
 The plant node, `Plant` in a loop and the parallel runs of `reproduce` all call `joint_sample`.
 Records of a joint's parameters, state and measured values are read by compiled code by name;
@@ -15,30 +15,11 @@ coefficients (Eq. 11) only beyond the transition.
 **The person** is a spring and a damper between reference and joint, with a reaction time. If the
 joint has not arrived when the reference movement ends, the person's torque increases until it does.
 
-**One inertia** (model files without `gear`): ``J·dω/dt = k_t·n·i + τ_human + τ_load - F`` with
-friction of an elastic bristle of stiffness σ0 and damping σ1, ``F = clamp(σ0·z + σ1·ω, -g, +g)``.
-Below this level there is no drift, however long or often the joint is pushed: unlike Dahl's and
-LuGre's models, it has true stiction (elasto-plastic friction: Dupont, Hayward, Armstrong and
-Altpeter, IEEE Trans. Automatic Control 47(5), 2002, with its plastic range shrunk to a point).
-
-**Two inertias**: with the rotor at φ, where encoder and friction act, and the link at θ,
-
-``J_m·φ'' = k_t·n·i - F - K·(φ - θ) - C·(φ' - θ')``
-``J_l·θ'' = K·(φ - θ) + C·(φ' - θ') + τ_human``
-
-In presliding, friction F depends on displacement; in sliding, it is the level g(|φ'|):
-
-- Maxwell slip: parallel elements j of stiffness k_j, damping c_j and share w_j, each
-  ``clamp(k_j·z_j + c_j·φ', ±w_j·g)``. Element j slips after its own distance; the largest of
-  these is the presliding distance. Sliding levels follow the speed with a lag, as in the
-  generalised Maxwell-slip model (Al-Bender, Lampaert and Swevers, IEEE Trans. Automatic Control
-  50(11), 2005). A single element is the clamp, but with a second inertia.
-- LuGre (Canudas de Wit, Olsson, Åström and Lischinsky, IEEE Trans. Automatic Control 40(3),
-  1995): ``z' = φ' - σ0·|φ'|·z/g``, ``F = σ0·z + σ1·e^(-(φ'/v_s)²)·z'``; the presliding distance
-  is g_b/σ0.
-
-The current follows its command with the amplifier's time constant, within the limits set by the
-supply voltage and the back-EMF.
+**The joint**: ``J·dω/dt = k_t·n·i + τ_human + τ_load - F`` with friction of an elastic bristle of
+stiffness σ0 and damping σ1, ``F = clamp(σ0·z + σ1·ω, -g, +g)``. Below this level there is no drift,
+however long or often the joint is pushed: unlike Dahl's and LuGre's models, it has true stiction
+(elasto-plastic friction: Dupont, Hayward, Armstrong and Altpeter, IEEE Trans. Automatic Control
+47(5), 2002, with its plastic range shrunk to a point).
 """
 
 from __future__ import annotations
@@ -52,19 +33,10 @@ from numba import njit
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_comp.errors import check_mapping, check_number, check_whole_number, InputError
+from friction_comp.errors import check_mapping, check_number, InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import kinetic_current
 from friction_comp.simulation.undeclared import COLUMNS, Undeclared, undeclared_torque, warmed_up
-
-ELEMENTS = 8
-"""Largest number of Maxwell-slip elements."""
-DELAYS = 4
-"""Number of commands that are stored: the largest delay is one sample less."""
-
-RIGID, CLAMP, LUGRE, MAXWELL_SLIP = range(4)
-"""Kinds of joint: one inertia with clamp friction, or one of the friction models of
-a joint with two inertias and a gear."""
 
 Record = Any
 """A record of one of the types below."""
@@ -77,40 +49,33 @@ def _record(floats: str, integers: str, arrays: dict[str, int]) -> np.dtype[np.v
 
 
 JOINT = _record(
-    # Rotor and link, kg·m²; the gear's compliance between them, N·m/rad and N·m·s/rad.
-    'motor_inertia link_inertia gear_stiffness gear_damping '
-    # N·m/A; encoder count, rad; A; standard deviation, A.
-    'torque_per_current resolution limit current_noise '
+    # kg·m²; N·m/A; encoder count, rad; A; standard deviation, A.
+    'inertia torque_per_current resolution limit current_noise '
     # Friction: Eq. 6, with steepness in s/rad, shift in rad/s and viscous in N·m·s/rad; levels at
     # rest, N·m; Stribeck velocity, rad/s.
     'upper lower steepness shift viscous floor_positive floor_negative break_positive '
     'break_negative std_positive std_negative stribeck_velocity '
-    # Presliding, N·m/rad and N·m·s/rad; times in s.
-    'bristle_stiffness bristle_damping level_lag current_lag actuation_lag '
-    # The motor's supply: V·s/rad at the joint, Ω, V; a resistance of 0 means no limit.
-    'back_emf resistance voltage '
+    # Presliding, N·m/rad and N·m·s/rad; lag between current and torque, s.
+    'bristle_stiffness bristle_damping actuation_lag '
     # The person: N·m/rad, N·m·s/rad, s, s.
     'human_stiffness human_damping human_response human_integral_time',
-    'kind delay elements',
-    {'thermal': 4, 'share': ELEMENTS, 'distance': ELEMENTS})
-"""Parameters of one joint, all seen at the gear's output. `thermal` is that of
-`undeclared.warmed_up`; `share` (1) and `distance` (rad) are those of the Maxwell-slip elements, of
-which the first `elements` are used."""
+    '', {'thermal': 4})
+"""Parameters of one joint; `thermal` is that of `undeclared.warmed_up`."""
 
 FRICTION = ('upper', 'lower', 'viscous', 'floor_positive', 'floor_negative', 'break_positive',
             'break_negative', 'std_positive', 'std_negative')
 """The parameters to scale for a joint with more or less friction."""
 
 JOINT_STATE = _record(
-    # Rotor, where encoder and friction act, and link; rad and rad/s.
-    'rotor rotor_speed link link_speed '
-    # Sliding level, and the breakaway levels of the present rest, N·m; time since the joint began
-    # to stick, s; distance slid, rad.
-    'level level_positive level_negative rest slid '
+    # rad and rad/s; of the bristle, rad.
+    'position velocity bristle '
+    # The breakaway levels of the present rest, N·m; time since the joint began to stick, s;
+    # distance slid, rad.
+    'level_positive level_negative rest slid '
     # Current, and after the actuation lag, A; the person's torque, and its part that grows while
     # the joint is short of its target, N·m; degrees Celsius; rad as the encoder counts; 1.
     'current late_current human integral_torque temperature counted samples',
-    'sliding arrived', {'bristle': ELEMENTS, 'command': DELAYS})
+    'sliding arrived', {})
 """State of one joint; `start_joint` sets it."""
 
 MEASURED = np.dtype([(name, float) for name in (
@@ -118,11 +83,9 @@ MEASURED = np.dtype([(name, float) for name in (
 """Measured values of one joint: rad, rad/s, A, N·m, degrees Celsius."""
 
 
-GEARS = {'clamp': CLAMP, 'lugre': LUGRE, 'maxwell_slip': MAXWELL_SLIP}
-GEAR_ENTRIES = {'gear', 'rotor_share', 'gear_resonance', 'gear_damping'}
 SIMULATION_ENTRIES = {
     'inertia', 'presliding_stiffness', 'presliding_damping', 'stribeck_velocity', 'current_noise',
-    'delay_samples', 'human', 'movement', 'sources'} | GEAR_ENTRIES
+    'human', 'movement', 'sources'}
 HUMAN_ENTRIES = {'stiffness', 'damping', 'response_time', 'integral_time'}
 
 # Of the breakaway torque, rad.
@@ -146,24 +109,18 @@ def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None)
     p['resolution'] = model.drive.position_resolution or 0.0
     p['limit'] = model.drive.current_limit
     p['current_noise'] = _entry(section, 'current_noise', 2e-3, least=0.0)
-    p['delay'] = check_whole_number(
-        section.get('delay_samples', 0), 'simulation.delay_samples', least=0, most=DELAYS - 1)
     p['actuation_lag'] = undeclared.actuation_lag
     p['thermal'] = undeclared.thermal
     typical = _set_friction(p, model)
     # By default, the breakaway torque accelerates the joint at 10 rad/s².
     inertia = undeclared.inertia + _entry(section, 'inertia', typical / 10.0, least=1e-9)
-    p['kind'], p['motor_inertia'] = RIGID, inertia
+    p['inertia'] = inertia
     stiffness = p['bristle_stiffness'] = _entry(
         section, 'presliding_stiffness', typical / DEFAULT_PRESLIDING, least=1e-9)
     p['bristle_damping'] = _entry(
         section, 'presliding_damping',
         2.0 * DEFAULT_DAMPING_RATIO * math.sqrt(stiffness * inertia), least=0.0)
     _set_human(p, section, typical, inertia)
-    if 'gear' in section:
-        _set_gear(p, model, typical / stiffness)
-    elif own := GEAR_ENTRIES & set(section):
-        raise InputError(f'simulation.{min(own)} needs a gear: one of {", ".join(GEARS)}')
     return p
 
 
@@ -203,47 +160,6 @@ def _set_human(p: np.void, section: dict[str, Any], typical: float, inertia: flo
     p['human_integral_time'] = entry('integral_time', 0.5)
 
 
-def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
-    """Split the inertia into rotor and link with a compliant gear; `presliding` is in rad."""
-    section = model.simulation
-    if section['gear'] not in tuple(GEARS):
-        raise InputError(
-            f'simulation.gear must be one of {", ".join(GEARS)}, not {section["gear"]!r}')
-    inertia = float(p['motor_inertia'])
-    # Most of the inertia at the output is the rotor's; rotor and link resonate at about 40 Hz.
-    share = _entry(section, 'rotor_share', 0.8, least=0.05, most=0.95)
-    resonance = _entry(section, 'gear_resonance', 40.0, least=1.0, most=300.0)
-    damping = _entry(section, 'gear_damping', 0.05, least=0.0, most=1.0)
-    p['kind'] = GEARS[section['gear']]
-    p['motor_inertia'], p['link_inertia'] = share * inertia, (1.0 - share) * inertia
-    reduced = share * (1.0 - share) * inertia
-    p['gear_stiffness'] = reduced * (2.0 * math.pi * resonance) ** 2
-    p['gear_damping'] = 2.0 * damping * math.sqrt(p['gear_stiffness'] * reduced)
-    given = float(p['bristle_damping'])
-    set_presliding(p, presliding, np.ones(ELEMENTS if p['kind'] == MAXWELL_SLIP else 1),
-                   DEFAULT_DAMPING_RATIO)
-    if 'presliding_damping' in section:
-        p['bristle_damping'] = given
-
-
-def set_presliding(p: np.void, distance: float, shares: np.ndarray, damping: float) -> None:
-    """Set the presliding of a gear, in a record of JOINT.
-
-    `distance` in rad is that of the element that slips last, or g_b/σ0 of LuGre; the elements'
-    distances are spaced evenly up to it, `shares` are scaled to a sum of 1. `damping` is relative
-    to the critical damping of the rotor on the elements before they slip.
-    """
-    count = len(shares)
-    shares = np.asarray(shares, dtype=float) / np.sum(shares)
-    distances = distance * np.arange(1, count + 1) / count
-    p['elements'] = count
-    p['share'][:count], p['distance'][:count] = shares, distances
-    level = 0.5 * (p['break_positive'] + p['break_negative'])
-    p['bristle_stiffness'] = level / distance
-    p['bristle_damping'] = 2.0 * damping * math.sqrt(
-        level * float(np.sum(shares / distances)) * p['motor_inertia'])
-
-
 def _entry(section: dict[str, Any], name: str, default: float, where: str = 'simulation',
            **bounds: float) -> float:
     return check_number(section.get(name, default), f'{where}.{name}', **bounds)
@@ -258,8 +174,8 @@ ARRIVED = 0.1
 """Largest distance from the end of the reference at which a joint has arrived, rad. In the note,
 joints with compensation end at most 0.083 rad short of it, those without it at least 0.18 rad; with
 half of this the person would finish movements under the continuous law, too."""
-SUBSTEPS, _GEARED_SUBSTEPS = 8, 16
-SETTLING, _GEARED_SETTLING = 0.0005, 0.005
+SUBSTEPS = 8
+SETTLING = 0.0005
 """Time without slip after which a joint sticks again, s."""
 
 
@@ -341,7 +257,7 @@ def clamped_friction(p: Record, s: Record, stuck: float, extra: float, speed: fl
 
     `speed` determines the level of friction, to which undeclared effects add `extra` N·m.
     """
-    force = p.bristle_stiffness * (s.bristle[0] + h * stuck) + p.bristle_damping * stuck
+    force = p.bristle_stiffness * (s.bristle + h * stuck) + p.bristle_damping * stuck
     base = friction_level(p, s, speed, force > 0.0)
     level = max(base + extra, LEAST_LEVEL * base)
     if abs(force) <= level:
@@ -353,7 +269,7 @@ def clamped_friction(p: Record, s: Record, stuck: float, extra: float, speed: fl
 def move_bristle(p: Record, s: Record, random: np.ndarray, v: float, friction: float, slips: bool,
                  h: float) -> None:
     """Advance the bristle by a substep of h s at speed v; draw new levels when the joint sticks."""
-    s.bristle[0] += h * v
+    s.bristle += h * v
     if not slips:
         s.rest += h
         if s.sliding == 1 and s.rest > SETTLING:
@@ -362,7 +278,7 @@ def move_bristle(p: Record, s: Record, random: np.ndarray, v: float, friction: f
             draw_levels(p, s, random)
         return
     limit = abs(friction) / p.bristle_stiffness
-    s.bristle[0] = min(limit, max(-limit, s.bristle[0]))
+    s.bristle = min(limit, max(-limit, s.bristle))
     s.rest = 0.0
     s.sliding = 1
     s.slid += h * abs(v)
@@ -373,7 +289,7 @@ def move_bristle(p: Record, s: Record, random: np.ndarray, v: float, friction: f
 
 
 @njit(cache=True)
-def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
+def move_joint(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
                sample_time: float, command: float, reference_position: float,
                reference_velocity: float, active: bool) -> None:
     """Simulate the joint over one sample; parameters as for `joint_sample`."""
@@ -383,112 +299,27 @@ def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memo
     follow = low_pass_weight(h, p.actuation_lag)
     reaction_weight = low_pass_weight(h, p.human_response)
     start = s.samples * sample_time
-    sigma0, sigma1, over_inertia = p.bristle_stiffness, p.bristle_damping, h / p.motor_inertia
+    sigma0, sigma1, over_inertia = p.bristle_stiffness, p.bristle_damping, h / p.inertia
     implicit = 1.0 / (1.0 + over_inertia * (sigma1 + h * sigma0))
     for k in range(SUBSTEPS):
         s.late_current += (command - s.late_current) * follow
-        x, v = s.rotor, s.rotor_speed
+        x, v = s.position, s.velocity
         follow_reference(p, s, h, reaction_weight, active,
                          reference_position + reference_velocity * k * h, reference_velocity, x, v)
         torque = p.torque_per_current * s.late_current + s.human
         # Speed without slip, by an implicit step; its direction determines the level.
-        stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit
+        stuck = (v + over_inertia * (torque - sigma0 * s.bristle)) * implicit
         extra = 0.0
         if table.shape[0] > 0 and table[0, 0] >= 0.0:
-            base = friction_level(p, s, abs(v), sigma0 * s.bristle[0] + sigma1 * stuck > 0.0)
+            base = friction_level(p, s, abs(v), sigma0 * s.bristle + sigma1 * stuck > 0.0)
             load, extra = undeclared_torque(table, memory, start + k * h, x, v, s.human,
                                             s.temperature, s.rest, base)
             torque += load
-            stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit
+            stuck = (v + over_inertia * (torque - sigma0 * s.bristle)) * implicit
         friction, slips = clamped_friction(p, s, stuck, extra, abs(v), h)
         v = v + over_inertia * (torque - friction) if slips else stuck
         move_bristle(p, s, random, v, friction, slips, h)
-        s.rotor_speed = s.link_speed = v
-        s.rotor = s.link = x + h * v
-
-
-@njit(cache=True)
-def _lugre_force(p: Record, s: Record, v: float, level: float, h: float) -> float:
-    """Advance the LuGre bristle (exact for constant speed) and return its torque in N·m."""
-    limit = level / p.bristle_stiffness
-    steady = limit if v > 0.0 else -limit
-    before = s.bristle[0]
-    share = -math.expm1(-abs(v) * h / limit)
-    s.bristle[0] += (steady - before) * share
-    rate = (s.bristle[0] - before) / h
-    damping = p.bristle_damping * math.exp(-(v / p.stribeck_velocity) ** 2)
-    s.sliding = 1 if abs(s.bristle[0]) > 0.98 * limit and s.bristle[0] * v > 0.0 else 0
-    return p.bristle_stiffness * s.bristle[0] + damping * rate
-
-
-@njit(cache=True)
-def _maxwell_force(p: Record, s: Record, v: float, level: float, h: float) -> float:
-    """Advance the Maxwell-slip elements and return their torque in N·m."""
-    total, slipping = 0.0, 0
-    for j in range(p.elements):
-        stiffness = p.share[j] * 0.5 * (p.break_positive + p.break_negative) / p.distance[j]
-        damping = p.bristle_damping * p.share[j]
-        most = p.share[j] * level
-        s.bristle[j] += v * h
-        force = stiffness * s.bristle[j] + damping * v
-        if abs(force) > most:
-            force = math.copysign(most, force)
-            reach = most / stiffness
-            s.bristle[j] = min(reach, max(-reach, s.bristle[j]))
-            slipping += 1
-        total += force
-    s.sliding = 1 if slipping == p.elements else 0
-    return total
-
-
-@njit(cache=True)
-def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
-                sample_time: float, command: float, reference_position: float,
-                reference_velocity: float, active: bool) -> None:
-    """Simulate the joint over one sample; the person holds the link, see `joint_sample`."""
-    h = sample_time / _GEARED_SUBSTEPS
-    amplify = low_pass_weight(h, p.current_lag)
-    follow = low_pass_weight(h, p.actuation_lag)
-    adapt = low_pass_weight(h, p.level_lag)
-    reaction_weight = low_pass_weight(h, p.human_response)
-    start = s.samples * sample_time
-    for k in range(_GEARED_SUBSTEPS):
-        v = s.rotor_speed
-        wanted = command
-        if p.resistance > 0.0:
-            highest = (p.voltage - p.back_emf * v) / p.resistance
-            lowest = (-p.voltage - p.back_emf * v) / p.resistance
-            wanted = min(highest, max(lowest, command))
-        s.current += (wanted - s.current) * amplify
-        s.late_current += (s.current - s.late_current) * follow
-        follow_reference(p, s, h, reaction_weight, active,
-                         reference_position + reference_velocity * k * h, reference_velocity,
-                         s.link, s.link_speed)
-        # The level depends on the direction in which the joint slides or would slide.
-        direction = v if v != 0.0 else s.late_current
-        level, load = friction_level(p, s, abs(v), direction > 0.0), 0.0
-        if table.shape[0] > 0 and table[0, 0] >= 0.0:
-            load, extra = undeclared_torque(table, memory, start + k * h, s.rotor, v, s.human,
-                                            s.temperature, s.rest, level)
-            level = max(level + extra, LEAST_LEVEL * level)
-        s.level += (level - s.level) * adapt
-        if p.kind == LUGRE:
-            friction = _lugre_force(p, s, v, s.level, h)
-        else:
-            friction = _maxwell_force(p, s, v, s.level, h)
-        spring = p.gear_stiffness * (s.rotor - s.link) + p.gear_damping * (v - s.link_speed)
-        s.rotor_speed += h * (
-            p.torque_per_current * s.late_current + load - friction - spring) / p.motor_inertia
-        s.link_speed += h * (spring + s.human) / p.link_inertia
-        s.rotor += h * s.rotor_speed
-        s.link += h * s.link_speed
-        if s.sliding > 0:
-            s.rest = 0.0
-        else:
-            before = s.rest
-            s.rest += h
-            if before <= _GEARED_SETTLING < s.rest:
-                draw_levels(p, s, random)
+        s.position, s.velocity = x + h * v, v
 
 
 # Samples, and joints that are stepped.
@@ -496,24 +327,19 @@ def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, mem
 @njit(cache=True)
 def start_joint(p: Record, s: Record, random: np.ndarray) -> None:
     """Set the state to rest at position 0, and draw the first breakaway levels."""
-    s.rotor = s.rotor_speed = s.link = s.link_speed = s.slid = 0.0
+    s.position = s.velocity = s.bristle = s.slid = 0.0
     s.current = s.late_current = s.human = s.integral_torque = s.counted = s.samples = 0.0
     s.rest, s.temperature, s.sliding = 1.0, p.thermal[1], 0
     s.arrived = 0
-    for j in range(ELEMENTS):
-        s.bristle[j] = 0.0
-    for j in range(DELAYS):
-        s.command[j] = 0.0
     draw_levels(p, s, random)
-    s.level = 0.5 * (s.level_positive + s.level_negative)
 
 
 @njit(cache=True)
 def measure(p: Record, s: Record, random: np.ndarray, sample_time: float, out: Record) -> None:
     """Write the measured values of the state into the record `out`."""
-    counted = s.rotor
+    counted = s.position
     if p.resolution > 0.0:
-        counted = math.floor(s.rotor / p.resolution + 0.5) * p.resolution
+        counted = math.floor(s.position / p.resolution + 0.5) * p.resolution
     out.position = counted
     out.velocity = (counted - s.counted) / sample_time
     s.counted = counted
@@ -534,23 +360,15 @@ def joint_sample(p: Record, s: Record, random: np.ndarray, table: np.ndarray, me
     `memory` the run's own. `command`, A, is constant over the sample. If `active`, the person holds
     the joint and sees the reference of the sample's beginning, rad and rad/s.
     """
-    command = delayed_command(p, s, command)
-    if p.kind == RIGID:
-        move_rigid(p, s, random, table, memory, sample_time, command, reference_position,
-                   reference_velocity, active)
-    else:
-        move_geared(p, s, random, table, memory, sample_time, command, reference_position,
-                    reference_velocity, active)
+    move_joint(p, s, random, table, memory, sample_time, limited(p, command), reference_position,
+               reference_velocity, active)
     end_sample(p, s, random, sample_time, out)
 
 
 @njit(cache=True)
-def delayed_command(p: Record, s: Record, command: float) -> float:
-    """Store a command in A, clipped to the limit; return the one of `p.delay` samples before."""
-    for j in range(DELAYS - 1, 0, -1):
-        s.command[j] = s.command[j - 1]
-    s.command[0] = min(p.limit, max(-p.limit, command)) if math.isfinite(command) else 0.0
-    return s.command[p.delay]
+def limited(p: Record, command: float) -> float:
+    """Return a command in A within the drive's limit; 0 for one that is not finite."""
+    return min(p.limit, max(-p.limit, command)) if math.isfinite(command) else 0.0
 
 
 @njit(cache=True)

@@ -20,14 +20,13 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import (
     clamped_friction,
-    delayed_command,
     end_sample,
     follow_reference,
     friction_level,
+    limited,
     low_pass_weight,
     move_bristle,
     Plant,
-    RIGID,
     SUBSTEPS,
 )
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque
@@ -38,8 +37,8 @@ class MujocoPlant(Plant):
 
     The arm begins at the file's first keyframe, if any. `joints` are hinges or slides of the file,
     in the order of the models; others move freely. `simulation.inertia` is added to the armature.
-    Other parameters are those of `Plant`. Raises InputError if MuJoCo is not installed, the file
-    cannot be used, or a model has a gear with compliance.
+    Other parameters are those of `Plant`. Raises InputError if MuJoCo is not installed, or the file
+    cannot be used.
     """
 
     def __init__(self, file: str | Path, joints: Sequence[str], models: Sequence[FrictionModel],
@@ -61,10 +60,7 @@ class MujocoPlant(Plant):
             _degree_of_freedom(mujoco, self.body, file, joint) for joint in joints]).T
         self.body.opt.timestep = sample_time / SUBSTEPS
         super().__init__(models, seed, undeclared, sample_time)
-        if (self._parameters['kind'] != RIGID).any():
-            raise InputError('arm_file: MuJoCo simulates the links itself: model files with a gear '
-                             'in their section simulation cannot be used')
-        self.body.dof_armature[self._velocity] += self._parameters['motor_inertia']
+        self.body.dof_armature[self._velocity] += self._parameters['inertia']
         self.data = mujoco.MjData(self.body)
         # Update the constants that depend on the armature.
         mujoco.mj_setConst(self.body, self.data)
@@ -149,7 +145,7 @@ def _torques(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, ta
         p, s = parameters[j], states[j]
         x, v = position[j], velocity[j]
         if substep == 0:
-            s.current = delayed_command(p, s, command[j])
+            s.current = limited(p, command[j])
         s.late_current += (s.current - s.late_current) * low_pass_weight(h, p.actuation_lag)
         follow_reference(
             p, s, h, low_pass_weight(h, p.human_response),
@@ -159,12 +155,12 @@ def _torques(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, ta
         driving, extra = p.torque_per_current * s.late_current + s.human, 0.0
         sigma0, sigma1 = p.bristle_stiffness, p.bristle_damping
         if tables[j].shape[0] > 0 and tables[j][0, 0] >= 0.0:
-            base = friction_level(p, s, abs(v), sigma0 * s.bristle[0] + sigma1 * v > 0.0)
+            base = friction_level(p, s, abs(v), sigma0 * s.bristle + sigma1 * v > 0.0)
             load, extra = undeclared_torque(
                 tables[j], memories[j], s.samples * sample_time + substep * h, x, v, s.human,
                 s.temperature, s.rest, base)
             driving += load
-        stuck = (v + h / inertia[j] * (driving - bias[j] - sigma0 * s.bristle[0])) / (
+        stuck = (v + h / inertia[j] * (driving - bias[j] - sigma0 * s.bristle)) / (
             1.0 + h / inertia[j] * (sigma1 + h * sigma0))
         friction, slips = clamped_friction(p, s, stuck, extra, abs(v), h)
         move_bristle(p, s, randoms[j], v if slips else stuck, friction, slips, h)
@@ -177,6 +173,5 @@ def _end_sample(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray,
                 ) -> None:
     for j in range(parameters.shape[0]):
         p, s = parameters[j], states[j]
-        s.rotor = s.link = position[j]
-        s.rotor_speed = s.link_speed = velocity[j]
+        s.position, s.velocity = position[j], velocity[j]
         end_sample(p, s, randoms[j], sample_time, out[j])
