@@ -54,7 +54,7 @@ _QUANTITIES = {word: quantity for quantity, words in {
         'supply battery batt electrical elec'}.items() for word in words.split()}
 _SURELY = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'sensed'}
 _MEASURED = _SURELY | {'observed', 'observation', 'observations', 'obs', 'mean', 'avg', 'average',
-                       'real', 'applied', 'estimated', 'est', 'estimate'}
+                       'read', 'real', 'applied', 'estimated', 'est', 'estimate'}
 _TARGET = {'target', 'reference', 'ref', 'desired', 'des', 'goal', 'command', 'commanded', 'cmd',
            'setpoint', 'set', 'planned', 'action'}
 # A torque with one of these words is applied from outside, or measured behind the gear.
@@ -211,20 +211,6 @@ def plain_name(name: str) -> str:
     return _BRACKET.sub('', name).strip().casefold()
 
 
-def skeleton(name: str) -> str:
-    """Return a name with its numbers replaced, the same for the columns of sibling joints; or ''.
-
-    A name without a number, or of nothing else, has no siblings.
-    """
-    pattern = re.sub(r'\d+', '#', name)
-    return pattern if '#' in pattern and pattern.strip('#') else ''
-
-
-def numbers(name: str) -> tuple[str, ...]:
-    """Return the numbers in a name."""
-    return tuple(re.findall(r'\d+', name))
-
-
 # What the user tells, and what is made of it.
 
 @dataclass(frozen=True)
@@ -357,19 +343,23 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     """
     names = [name for name in names if name]
     layout = (layout or Layout()).naming(names, where)
-    found, own, rivals = _columns(names, layout, where, plan)
-    used = _of_joints(found, own, where)
-    for column in used:
-        if column.name in rivals:
-            raise InputError(f'{where}: which column is the {column.signal}, {column.name!r} or '
-                             f'{rivals[column.name]!r}? Name it with --columns '
-                             f'{column.signal}={column.name}')
+    columns, own, rivals = _columns(names, layout, where, plan)
+    used = _of_joints(columns, own, where)
+    if one := next((column for column in used if column.name in rivals), None):
+        raise InputError(f'{where}: which column is the {one.signal}, {one.name!r} or '
+                         f'{rivals[one.name]!r}? Name it with --columns {one.signal}={one.name}')
     signals = {column.signal for column in used}
     needed = {'time': not layout.rate, 'position': True, 'effort': not (layout.stiffness or plan),
               'reference_position': bool(layout.stiffness)}
-    missing = [signal for signal, wanted in needed.items() if wanted and signal not in signals]
-    if missing:
+    if missing := [signal for signal, wanted in needed.items() if wanted and signal not in signals]:
         raise InputError(f'{where}: {_missing(missing, names, layout, signals)}')
+    in_ampere = {c.dimension == 'current' for c in used if c.signal == 'effort'}
+    if len(in_ampere) > 1:
+        raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
+                         'of one joint with --columns')
+    # Without the torque constant, a commanded torque says nothing beside a current.
+    used = [c for c in used if c.signal != 'command' or c.dimension == 'current'
+            or in_ampere != {True}]
     used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
     joints = {c.key: c.joint if c.key else '' for c in used if c.signal == 'position'}
     named = layout.columns.keys() - {'time'}
@@ -378,18 +368,7 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     given = next(iter(joints)) if [*joints.values()] == [''] else own if named else None
     if layout.joint and layout.joint not in joints.values() and given is not None:
         joints[given] = layout.joint
-    force = any(c.dimension == 'force' and c.stated for c in used if c.signal == 'effort')
     used = [replace(c, joint=joints.get(c.key, '')) for c in used]
-    # Forces move a linear axis.
-    used = [replace(c, dimension='length', unit='m') if force and c.signal == 'position'
-            and not c.stated else c for c in used]
-    in_ampere = {c.dimension == 'current' for c in used if c.signal == 'effort'}
-    if len(in_ampere) > 1:
-        raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
-                         'of one joint with --columns')
-    if in_ampere == {True}:
-        # Without the torque constant, a commanded torque says nothing beside a current.
-        used = [c for c in used if c.signal != 'command' or c.dimension == 'current']
     return Assignment(used, layout, _notes(used, layout),
                       joints.get(own, '') if named and len(joints) > 1 else None)
 
@@ -401,49 +380,60 @@ def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = F
     The last are columns that are as good as one of the former, by its name.
     """
     told = {name: signal for signal, name in layout.columns.items()}
+    patterns = {_pattern(name): signal for name, signal in told.items()
+                if signal != 'time' and name != _pattern(name).strip('#') != ''}
     first = next((layout.columns[signal] for signal in ('position', 'effort', 'current', 'velocity')
                   if signal in layout.columns), '')
     # Where the user's columns have a number, it is the joint's.
-    key_of = numbers if numbers(first) else lambda name: read_name(name).key
-    own = key_of(first)
-    named = {name: _as_named(name, signal, layout, where) for name, signal in told.items()}
-    patterns = {skeleton(name): reading.signal for name, reading in named.items()
-                if skeleton(name) and reading.signal != 'time'}
+    numbered = bool(re.search(r'\d', first))
+    own = _key(first, numbered)
     signals = {_kind(signal) for signal in layout.columns}
-    ranked: list[tuple[tuple[int, ...], Column]] = []
+    best: dict[tuple[str, tuple[str, ...]], tuple[tuple[int, ...], Column]] = {}
+    rivals: dict[str, str] = {}
     for name in names:
-        reading, key, alike = read_name(name), key_of(name), skeleton(name) in patterns
+        key, alike = _key(name, numbered), _pattern(name) in patterns
+        reading = replace(read_name(name), key=key)
         if name in told:
-            reading, key = named[name], () if told[name] == 'time' else own
-        elif alike:
-            reading = replace(reading, signal=patterns[skeleton(name)])
-        if numbers(first) and (alike or name in told):
+            key = () if told[name] == 'time' else own
+            reading = _as_named(replace(reading, key=key), name, told[name], layout, where)
+        elif alike and (patterns[_pattern(name)], reading.signal) != ('effort', 'current'):
+            reading = replace(reading, signal=patterns[_pattern(name)])
+        if numbered and alike:
             reading = replace(reading, joint='_'.join(key))
         second = plan and reading.signal.startswith('reference_')
         signal = reading.signal.removeprefix('reference_') if plan else reading.signal
         kind = _kind(signal)
         if not kind or (name not in told and kind in signals and key in (own, ())):
             continue
-        column = _column(name, replace(reading, signal=signal, key=key), layout)
-        if column is None and name in told:
-            raise InputError(f'{where}: {_say_unit(name, reading)}')
-        if column is not None:
-            # By the name's unit, whatever the user's is.
-            other = bool(reading.unit) and unit_of(signal, reading.unit) is None
-            ranked.append(((name not in told, not alike, kind == 'effort' and not reading.measured,
-                            other, SIGNALS.index(signal), second), column))
-    best: dict[tuple[str, tuple[str, ...]], tuple[tuple[int, ...], Column]] = {}
-    rivals: dict[str, str] = {}
-    for rank, column in sorted(ranked, key=lambda entry: entry[0]):
-        lowest, chosen = best.setdefault((column.signal, column.key), (rank, column))
-        if lowest == rank and chosen is not column:
-            rivals.setdefault(chosen.name, column.name)
+        column = _column(name, replace(reading, signal=signal), layout)
+        if column is None:
+            if name in told:
+                raise InputError(f'{where}: {_say_unit(name, reading)}')
+            continue
+        # By the name's unit, whatever the user's is.
+        other = bool(reading.unit) and unit_of(signal, reading.unit) is None
+        rank = (name not in told, not alike, kind == 'effort' and not reading.measured, other,
+                SIGNALS.index(signal), second)
+        lowest, chosen = best.get((kind, key), (rank, column))
+        if rank < lowest or chosen is column:
+            best[kind, key] = rank, column
+        elif rank == lowest:
+            rivals.setdefault(chosen.name, name)
     return [column for _, column in best.values()], own, rivals
 
 
-def _as_named(name: str, signal: str, layout: Layout, where: object) -> Reading:
+def _pattern(name: str) -> str:
+    """Return a name without its numbers, the same for the columns of sibling joints."""
+    return re.sub(r'\d+', '#', name)
+
+
+def _key(name: str, numbered: bool) -> tuple[str, ...]:
+    """Return what tells the joint of a column: its numbers, or the words of its name."""
+    return tuple(re.findall(r'\d+', name)) if numbered else read_name(name).key
+
+
+def _as_named(reading: Reading, name: str, signal: str, layout: Layout, where: object) -> Reading:
     """Return the reading of a column that the user named; only names that mean it are torques."""
-    reading = read_name(name)
     if (signal, reading.signal) == ('effort', 'current'):
         return reading
     if signal == 'effort' and not (reading.torque or reading.unit or layout.unit('effort')):
@@ -464,17 +454,16 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column | None:
     text = given or reading.unit
     default = 'N·m' if reading.torque and signal == 'command' else si_unit(signal)
     unit, told = unit_of(signal, text or default), parse_unit(text or default)
-    if unit is None and text and _kind(signal) != 'effort':
-        return None
     # The torque constant may make a current of an effort without a unit.
     said = text or default * (signal != 'effort')
     if unit and told and '/' in unit.dimension and '/' not in told.dimension:
         said += '/s'
-    if unit is None and text:
-        factor, said = other_unit(text) or (1.0, text)
+    if unit is None:
+        if text and _kind(signal) != 'effort':
+            return None
+        factor, said = (other_unit(text) if text else None) or (1.0, said)
         unit = Unit(factor, '')
-    return Column(name, _kind(signal), reading.joint, said, *(unit or Unit(1.0, '')), reading.key,
-                  bool(text))
+    return Column(name, _kind(signal), reading.joint, said, *unit, reading.key, bool(text))
 
 
 def _kind(signal: str) -> str:
@@ -483,8 +472,8 @@ def _kind(signal: str) -> str:
 
 def _of_joints(columns: Sequence[Column], own: tuple[str, ...], where: object) -> list[Column]:
     """Return the columns of joints with position and effort, of the user's (`own`) and of none."""
-    positions = {c.key: None for c in columns if c.signal == 'position'}
-    efforts = {c.key: None for c in columns if c.signal == 'effort'}
+    positions, efforts = ({c.key: None for c in columns if c.signal == signal}
+                          for signal in ('position', 'effort'))
     if len(positions) == len(efforts) == 1:
         # The only position and the only effort are of one joint, however they are named.
         columns = [replace(c, key=next(iter(positions))) if c.key in efforts and (
@@ -495,11 +484,9 @@ def _of_joints(columns: Sequence[Column], own: tuple[str, ...], where: object) -
         raise InputError(f'{where}: which effort is of which joint? Name the columns of one with '
                          '--columns position=NAME,effort=NAME; there are ' + _listed(
                              [c.name for c in columns if c.signal in ('position', 'effort')]))
-    keys = {*(both or positions), own, ()}
     # An effort that names no joint is that of any, but not beside those that name theirs.
-    loose = bool(both) and () not in both
-    return [c for c in columns if c.key in keys and not (
-        loose and not c.key and c.signal in ('position', 'effort'))]
+    return [c for c in columns if c.key in {*(both or positions), own, ()} and not (
+        both and () not in both and not c.key and c.signal in ('position', 'effort'))]
 
 
 def without_time(names: Sequence[str], layout: Layout, where: object
@@ -540,7 +527,7 @@ def _missing(missing: Sequence[str], names: Sequence[str], layout: Layout, signa
         ', or the gains of the position controller with --stiffness and --damping: effort is then '
         'k_p (target - position) - k_d velocity' if 'reference_position' in signals else
         ', a command only if the drive is known to follow it' if 'command' in signals else '')}
-    said = ', the '.join({'effort': 'effort or current'}.get(one, one.replace('_', ' '))
+    said = ', the '.join('effort or current' if one == 'effort' else one.replace('_', ' ')
                          for one in missing)
     verb, them = ('s are', 'them') if len(missing) > 1 else (' is', 'it')
     return (f'which column{verb} the {said}? Name {them} with --columns '
@@ -563,20 +550,19 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _notes(used: Sequence[Column], layout: Layout) -> list[str]:
-    """Return notes: what was guessed, and asked for instead of measured."""
+    """Return notes: what was told by names, and asked for instead of measured."""
     named = layout.columns.values()
-    # A column named after its signal is not a guess; those of siblings need no line of their own.
-    alike: dict[tuple[str, str, str], list[Column]] = {}
+    # A column named after its signal is no matter of words; other joints need no line of their own.
+    alike: dict[tuple[str, str], list[Column]] = {}
     for c in used:
         if c.name not in named and c.name.lower() != f'{c.joint}.{c.signal}'.strip('.').lower():
-            alike.setdefault((c.signal, c.unit, skeleton(c.name) or c.name), []).append(c)
-    guesses = ', '.join(
+            alike.setdefault((c.signal, c.unit), []).append(c)
+    told = ', '.join(
         f'{first.joint}.{first.signal}'.lstrip('.') + f'={first.name}'
         + f' in {first.unit}' * bool(first.unit) + f' and {len(others)} alike' * bool(others)
         for first, *others in alike.values())
-    asked = [c.name for c in used
-             if c.name in named and c.signal == 'effort' and read_name(c.name).aim]
-    return [f'columns guessed from their names: {guesses} (override with --columns and --unit)'
-            ] * bool(guesses) + [
-                f'{name}: by its name an effort that was asked for, not measured: friction is in '
-                'it only if the drive gives just this' for name in asked]
+    return [f'columns guessed from their names: {told} (override with --columns and --unit)'
+            ] * bool(told) + [
+        f'{c.name}: by its name an effort that was asked for, not measured: friction is in it only '
+        'if the drive gives just this' for c in used
+        if c.name in named and c.signal == 'effort' and read_name(c.name).aim]
