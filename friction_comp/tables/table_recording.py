@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.statistics import gap_length
 from friction_comp.tables.columns import assign, Assignment, Column, Layout
 from friction_comp.tables.table_files import Columns, is_table, parts_of, Table, to_numbers
-from friction_comp.trajectory import Trajectory
 
 _SIGNALS = ('position', 'velocity', 'effort', 'command', 'direction', 'load', 'temperature',
             'reference_position', 'reference_velocity')
@@ -148,14 +146,10 @@ class TableRecording:
         if not size:
             raise InputError(f'{self.path}: has no row below its header')
         time = np.arange(size) / layout.rate if layout.rate else _times(use, columns, self.path)
-        for column in list(use.columns):
-            fault, example = _unit_fault(column, columns[column.name])
-            said = f'column {column.name!r} {fault}'
-            if fault and column.signal == 'velocity':
-                use.columns.remove(column)
-                use.notes.append(f'{said} without a unit: not used (--unit {example})')
-            elif fault:
-                raise InputError(f'{self.path}: {said}: give its unit, --unit {example}')
+        for column in use.columns:
+            if fault := _unit_fault(column, columns[column.name]):
+                raise InputError(f'{self.path}: column {column.name!r} {fault}: give its unit, '
+                                 f'--unit {_EXAMPLES[column.signal]}')
         columns, time = _in_order(columns, time, use.notes)
         self._columns, self._time = _whole_rows(columns, time, use)
 
@@ -172,15 +166,12 @@ class TableRecording:
 
 
 def _rate(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the derivative of the cubic spline through the finite values, shape (N,)."""
-    from scipy.interpolate import make_interp_spline
-
-    usable = np.isfinite(time) & np.isfinite(values)
-    knots, first = np.unique(time[usable], return_index=True)
-    if len(knots) < 4:
+    """Return the derivative of the finite values, shape (N,)."""
+    knots, first = np.unique(time[np.isfinite(time + values)], return_index=True)
+    if len(knots) < 3:
         return np.zeros(len(time))
-    spline = make_interp_spline(knots, values[usable][first], 3)
-    return np.asarray(spline(np.where(np.isfinite(time), time, knots[0]), 1))
+    own = values[np.isfinite(time + values)][first]
+    return np.asarray(np.interp(time, knots, np.gradient(own, knots)))
 
 
 def _load(effort: np.ndarray, link_torque: np.ndarray, is_torque: bool, notes: list[str]
@@ -218,16 +209,15 @@ def _times(use: Assignment, columns: Columns, where: object) -> np.ndarray:
     return column.factor * columns[column.name]
 
 
-def _unit_fault(column: Column, values: np.ndarray) -> tuple[str, str]:
-    """Return what tells that values without a unit are not in SI units, and an example; or ''."""
+def _unit_fault(column: Column, values: np.ndarray) -> str:
+    """Return what tells that values without a unit are not in SI units; '' if nothing does."""
     if column.stated or column.signal not in _EXAMPLES:
-        return '', ''
+        return ''
     values = values[np.isfinite(values)]
     fault = not_in_radians(values) if column.signal == 'position' else ''
-    if not fault and len(values) >= 50 and len(np.unique(values[:100_000])) > 3 and (
-            values == np.round(values)).all():
-        fault = 'holds whole numbers'
-    return fault, _EXAMPLES[column.signal]
+    whole = len(values) >= 50 and len(np.unique(values[:100_000])) > 3 and (
+        values == np.round(values)).all()
+    return fault or 'holds whole numbers' * bool(whole)
 
 
 def _in_order(columns: Columns, time: np.ndarray, notes: list[str]) -> tuple[Columns, np.ndarray]:
@@ -312,42 +302,38 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
     effort and no current. Its samples have zero current, and the motion of all joints in `arm`.
     """
     if path.suffix.lower() in ('.yaml', '.yml'):
-        trajectory = Trajectory.load(path)
-        arm = JointStates(trajectory.joints, trajectory.position, trajectory.velocity)
-        zero = np.zeros(len(trajectory.time))
+        from friction_comp.trajectory import Trajectory
+
+        plan = Trajectory.load(path)
+        arm = JointStates(plan.joints, plan.position, plan.velocity)
         return {name: Samples(
-            time=trajectory.time, position=arm.position[:, k], current=zero, joint=name,
-            velocity=trajectory.velocity[:, k], acceleration=trajectory.acceleration[:, k],
-            arm=arm) for k, name in enumerate(trajectory.joints)}
+            plan.time, plan.position[:, k], np.zeros(len(plan.time)), joint=name, arm=arm,
+            velocity=plan.velocity[:, k], acceleration=plan.acceleration[:, k])
+            for k, name in enumerate(plan.joints)}
     if not is_table(path) or not all(part.is_file() for part in parts_of(path)):
         return None
     table = Table(path)
-    with suppress(InputError):
-        assign(table.names, layout, path)
-        return None
     try:
         use = assign(table.names, layout, path, plan=True)
     except InputError:
-        return None     # other faults are reported when the table is read as a recording
-    if any(column.signal == 'effort' for column in use.columns):
+        return None     # faults are reported when the table is read as a recording
+    if use.layout.stiffness or any(column.signal == 'effort' for column in use.columns):
         return None
     values = table.read([column.name for column in use.columns])
     size = len(next(iter(values.values())))
-    time = np.arange(size) / layout.rate if layout and layout.rate else use.signal_in(
-        values, 'time')
+    time = np.arange(size) / use.layout.rate if use.layout.rate else use.signal_in(values, 'time')
     positions = {name: use.signal_in(values, 'position', name) for name in use.joints}
     rows: Any = np.array([time, *positions.values()], dtype=float)
     if not np.isfinite(rows).all():
         raise InputError(f'{path}: a plan has a time and the position of each joint in every row')
     if not (np.diff(rows[0]) > 0.0).all():
         raise InputError(f'{path}: its times do not rise')
+    arm = JointStates(tuple(positions), rows[1:].T)
     with errors_name(path):
-        joints = {name: Samples.from_arrays(
-            time, position, current=np.zeros(size),
-            velocity=use.signal_in(values, 'velocity', name), joint=name)
+        return {name: Samples.from_arrays(
+            time, position, current=np.zeros(size), joint=name,
+            velocity=use.signal_in(values, 'velocity', name)).with_(arm=arm)
             for name, position in positions.items()}
-    arm = JointStates(tuple(joints), np.column_stack([one.position for one in joints.values()]))
-    return {name: samples.with_(arm=arm) for name, samples in joints.items()}
 
 
 def table_of(joints: Sequence[Samples]) -> Columns:
