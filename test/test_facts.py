@@ -12,7 +12,7 @@ from recording_maker import DATA, needs_data
 from scipy.signal import lfilter
 
 from friction_comp.drive import Drive
-from friction_comp.facts import motion, timing
+from friction_comp.facts import motion, recorded
 from friction_comp.facts.current import current_answer, gain_fault, late_answer, wrong_sign
 from friction_comp.facts.motion import agreement_of, velocity_agreement, VelocityCheck
 from friction_comp.recordings import find_recordings, read_recording, recorded_joints
@@ -137,10 +137,10 @@ def test_a_position_that_cannot_be_in_radians_is_told(position, words):
     (1.0, 0.0, 'rows 1 apart'), (4.0, 0.0, 'rows 4 apart'), (1e-6, 0.0, 'too close'),
     (1e6, 1.7e18, 'no times'), (1e-3, 0.0, ''), (0.1, 1.7e9, '')])
 def test_times_that_cannot_be_in_seconds_are_told(step, begin, words):
-    fault = timing.not_in_seconds(begin + step * np.arange(1000.0))
+    fault = recorded.not_in_seconds(begin + step * np.arange(1000.0))
     assert words in fault
     assert bool(fault) == bool(words)
-    assert timing.not_in_seconds(1e-3 * np.arange(1000.0) / 1e-9, 1e-9) == ''
+    assert recorded.not_in_seconds(1e-3 * np.arange(1000.0) / 1e-9, 1e-9) == ''
 
 
 def test_turns_are_added_within_usual_steps_and_for_slow_joints_only():
@@ -162,18 +162,18 @@ def test_turns_are_added_within_usual_steps_and_for_slow_joints_only():
 
 def test_rate_and_gaps():
     time = np.arange(0.0, 2.0, 1e-3)
-    assert timing.rhythm(time)[:2] == (pytest.approx(1000.0), 0)
+    assert recorded.rhythm(time)[:2] == (pytest.approx(1000.0), 0)
     later = time + 0.5 * (time > 1.0) + 0.01 * (time > 1.5)
-    assert timing.rhythm(later) == (
+    assert recorded.rhythm(later) == (
         pytest.approx(1999 / 2.509), 1, pytest.approx(0.501), pytest.approx(1.0, abs=2e-3))
-    assert timing.rhythm(time[:1]) == timing.rhythm(np.zeros(5)) == (0.0, 0, 0.0, 0.0)
+    assert recorded.rhythm(time[:1]) == recorded.rhythm(np.zeros(5)) == (0.0, 0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(('held', 'counts', 'rows'), [(4, 1e-4, 4), (1, 1e-4, 1), (1, 0.02, 1)])
 def test_a_logger_that_repeats_positions_is_told_from_a_coarse_encoder(held, counts, rows):
     time = np.arange(0.0, 8.0, 1e-3)
     position = counts * np.round(np.sin(time[::held]) / counts)
-    assert timing.held_rows(np.repeat(position, held)) == rows
+    assert recorded.held_rows(np.repeat(position, held)) == rows
 
 
 def told(time, position, velocity, **options):
@@ -310,7 +310,7 @@ def test_rows_that_are_missing_show_in_the_position(lost, noise, step):
     position = 0.8 * np.sin(2.0 * true) + 0.0016 * noise * rng.standard_normal(len(true))
     kept = np.flatnonzero(rng.random(len(true)) >= lost)
     position = step * np.round(position[kept] / step)
-    found = timing.lost_rows(true[:len(kept)], position, step)
+    found = recorded.lost_rows(true[:len(kept)], position, step)
     assert found == pytest.approx(lost, rel=0.3)
     # With the true times nothing is missing.
-    assert timing.lost_rows(true[kept], position, step) == 0.0
+    assert recorded.lost_rows(true[kept], position, step) == 0.0

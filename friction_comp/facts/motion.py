@@ -117,13 +117,18 @@ def at_times(times: np.ndarray, own: np.ndarray, values: np.ndarray, hole: float
     return interpolated
 
 
-def not_in_radians(position: np.ndarray) -> str:
+def not_in_radians(position: np.ndarray, seconds: float = math.inf) -> str:
     """Return what tells that positions, shape (N,), are not in rad; '' if nothing does.
 
     They are whole numbers, as of a register, wrap around at one or 360, or move in the steps of an
-    encoder of a turn or 360 degrees. Friction in a wrong unit of position fits as well.
+    encoder of a turn or 360 degrees. Friction in a wrong unit of position fits as well. Of a joint
+    with a gear, the `seconds` that they took tell, too: over two turns a second is too fast.
     """
     position = position[np.isfinite(position)]
+    speed = float(np.abs(np.diff(position)).sum()) / max(seconds, 1e-9)
+    if speed > 15.0:
+        return (f'moves at {speed:.3g} rad/s on average: fast for a joint, as if it were in '
+                'degrees or that of the motor before the gear')
     if len(position) < _FEWEST:
         return ''
     if np.ptp(position) > 2.0 * np.pi and np.array_equal(position, np.round(position)):
@@ -153,20 +158,6 @@ def _distance(position: np.ndarray, turn: float) -> float:
             np.ptp(steps) <= _FEWEST):
         return 0.5
     return rms(steps - np.round(steps))
-
-
-def hardly_in_radians(time: np.ndarray, position: np.ndarray) -> str:
-    """Return that a joint moves too fast for one, as where positions are in degrees; '' if not.
-
-    Velocity in the same unit agrees. Some motors without a gear turn as fast.
-    """
-    position = position[np.isfinite(position)]
-    path, seconds = float(np.abs(np.diff(position)).sum()), float(np.ptp(time))
-    # Over two turns a second.
-    if not path > 15.0 * seconds > 0.0:
-        return ''
-    return (f'it moves at {path / seconds:.3g} rad/s on average, over {np.ptp(position):.3g} rad: '
-            'fast for a joint, as if position were in degrees or that of the motor before the gear')
 
 
 def name_unit(ratio: float, units: Mapping[float, str]) -> str:

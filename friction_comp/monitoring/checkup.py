@@ -12,7 +12,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.facts import current, motion
-from friction_comp.facts.timing import rhythm
+from friction_comp.facts.recorded import rhythm
 from friction_comp.messages import TOPICS
 from friction_comp.model.friction_model import FrictionModel
 
@@ -150,8 +150,8 @@ def _values(joint: str, rows: np.ndarray) -> Iterator[Finding]:
     elif np.isfinite(velocity).any() and agreement.blocks < motion.FEWEST_BLOCKS:
         yield Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
                       'run doctor again while it is moved')
-    if unlikely := motion.hardly_in_radians(rows[:, 1], position):
-        yield Finding(WARNING, joint, unlikely, 'let the driver give position in rad at the joint')
+    if wrong := motion.not_in_radians(position, float(np.ptp(rows[:, 1]))):
+        yield Finding(WARNING, joint, f'position {wrong}', 'let the driver give it in rad')
 
 
 def _currents(seen: Observation) -> Iterator[Finding]:

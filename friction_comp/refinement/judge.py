@@ -20,7 +20,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.facts.motion import STANDSTILL, velocity_agreement
-from friction_comp.facts.timing import lost_rows
+from friction_comp.facts.recorded import lost_rows
 from friction_comp.model.effect import RESISTS, segment_starts, too_coarse
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_numbers import FrictionNumbers

@@ -12,8 +12,7 @@ import numpy as np
 
 from friction_comp.errors import errors_name, InputError, one_of
 from friction_comp.facts.motion import at_times, not_in_radians
-from friction_comp.facts.recorded import check_plausible, moves, tidied, usable
-from friction_comp.facts.timing import not_in_seconds, unit_for
+from friction_comp.facts.recorded import check_plausible, moves, not_in_seconds, tidied, usable
 from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.statistics import gap_length
 from friction_comp.tables.columns import assign, Assignment, Column, Layout
@@ -202,10 +201,7 @@ def _times(use: Assignment, columns: Columns, where: object) -> np.ndarray:
     if not values.size:
         raise InputError(f'{where}: column {column.name!r} holds no time')
     if fault := not_in_seconds(values, column.factor, column.stated):
-        unit = unit_for(values)
-        raise InputError(f'{where}: column {column.name!r} {fault}: give its unit, for instance '
-                         f'--unit time={unit}' + ', or time=s' * (unit != 's')
-                         + ', or the rows per second with --rate')
+        raise InputError(f'{where}: column {column.name!r} {fault}')
     return column.factor * columns[column.name]
 
 
