@@ -99,7 +99,6 @@ def test_links_of_a_small_arm_are_found_beside_friction(pinocchio, tmp_path):
         assert np.std(rigid - matrix @ share) < 1.2 * 0.02
     assert found.friction[:, 1] == pytest.approx([one[1] for one in FRICTION], abs=0.03)
     assert (found.held_out < 0.05).all()
-    assert (found.without > 2 * found.held_out)[1:].all()
 
 
 @pytest.mark.slow

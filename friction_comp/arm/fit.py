@@ -318,9 +318,7 @@ class ArmFit:
     # (J, 4): offset (A), Coulomb (A), viscous (A·s/rad) and rotor inertia (A·s²/rad).
     friction: np.ndarray
     differentiation: dict[str, Any]  # how velocity and acceleration are computed from position
-    strength: float  # of the regularisation
     held_out: np.ndarray  # (J,): RMS error in A on stretches not fitted
-    without: np.ndarray  # (J,): the same for a fit without the links, only friction and rotor
     intervals: LinkIntervals  # of the links and the currents per torque
     declared: bool  # whether the currents per torque are those given
 
@@ -355,20 +353,16 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
             best = free.best(lambda share: report(0.4 + 0.1 * share))
     problem, best = _mounted(problem, best)
     report(0.7)
-    sums, prior, x = best.sums, best.prior, best.x
-    links = len(joints) * PARAMETERS
-    no_links = sums.sums.copy()
-    no_links[..., :links, :] = no_links[..., :links] = 0.0
-    without = _held_out(replace(sums, sums=no_links), prior, x)
     rows = solver.rows_of(problem.chain, joints, best.settings, _MOST_ROWS['final'])
-    whole, x = _reweighted_fit(rows.sums(columns_of(rows, best.tree, best.terms)[0]), prior, x)
+    whole, x = _reweighted_fit(
+        rows.sums(columns_of(rows, best.tree, best.terms)[0]), best.prior, best.x)
     report(1.0)
     tree, scales = problem.arm_of(x)
     return ArmFit(
         tree=tree, start=chain.tree, scales=scales,
-        friction=prior.friction(x)[:, :FRICTION], differentiation=best.settings,
-        strength=prior.strength, held_out=_held_out(sums, prior, best.x), without=without,
-        intervals=solver.confidence_intervals(whole.sums, prior, x),
+        friction=best.prior.friction(x)[:, :FRICTION], differentiation=best.settings,
+        held_out=_held_out(best.sums, best.prior, best.x),
+        intervals=solver.confidence_intervals(whole.sums, best.prior, x),
         declared=problem.declared is not None)
 
 
@@ -517,10 +511,10 @@ class ArmResult:
             return {'mass': mass, 'first_moment': others[:3], 'inertia': others[3:]}
         return {
             'joints': list(tree.joints), 'gravity': tree.gravity,
-            'differentiation': dict(fit.differentiation), 'regularisation': fit.strength,
+            'differentiation': dict(fit.differentiation),
             'rigid_bodies': [{
                 'joint': name, 'current_per_torque': fit.scales[k],
-                'held_out_rmse_without': fit.without[k], 'held_out_rmse': fit.held_out[k],
+                'held_out_rmse': fit.held_out[k],
                 **by_name(tree.parameters[k].tolist()), 'mass_urdf': fit.start.parameters[k, 0],
                 'intervals': {'current_per_torque': bounds.scales[k].tolist(),
                               **by_name([[end if np.isfinite(end) else None for end in ends]
