@@ -18,8 +18,6 @@ RANGES = {
     'slope': (-1.0, 1.0),
     # Live there is no acceleration: with it, live and offline are not the same.
     'inertia': (0.0, 0.0)}
-COLUMNS = {'direction_asymmetry': 2, 'gravity': 2, 'cogging': 2, 'friction_ripple': 2,
-           'temperature': 3, 'warm_up': 3, 'hysteresis': 2}
 MIDDLE = {'transition': 0.02, 'exponent': 2.0, 'offset': 0.0, 'directional': 1.0, 'growth': 0.0,
           'position': 0.3, 'width': 0.1, 'speed': 1.0, 'reference': 1.0, 'velocity': 0.1,
           'frequency': 12.0, 'time_constant': 2.0, 'distance': 0.05, 'gap': 0.04,
@@ -30,7 +28,7 @@ MIDDLE = {'transition': 0.02, 'exponent': 2.0, 'offset': 0.0, 'directional': 1.0
 @st.composite
 def parameters_of(draw, name):
     """Draw parameters of an effect; constants without a range are switches."""
-    count = COLUMNS.get(name, 1)
+    count = (len(EFFECTS[name].units) or 1)
     found = {key: draw(st.floats(*RANGES[key]) if key in RANGES else st.sampled_from([0.0, 1.0]))
              for key in EFFECTS[name].constants}
     return {**found, 'coefficients': draw(
@@ -42,7 +40,7 @@ def defaults(name, /, **changes):
     # Squared, the bend is zero at its reference.
     own = {'hysteresis': {'exponent': 1.0}, 'viscous_shape': {'exponent': 3.0}}.get(name, {})
     found = {key: {**MIDDLE, **own}[key] for key in EFFECTS[name].constants}
-    return {**found, 'coefficients': [0.1] * COLUMNS.get(name, 1), **changes}
+    return {**found, 'coefficients': [0.1] * (len(EFFECTS[name].units) or 1), **changes}
 
 
 def samples_of(position, velocity, step=0.01, load=1.5, temperature=35.0):

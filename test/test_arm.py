@@ -83,25 +83,6 @@ def simulated(seed, size, text=None, **options):
 
 
 @pytest.mark.slow
-def test_links_of_a_small_arm_are_found_beside_friction(pinocchio, tmp_path):
-    found = fit_arm(chain_of(tmp_path, small_arm(), PLANE), simulated(1, 1200)[0])
-    # Only torques, not the parameters one by one, can be seen.
-    fresh, motion = simulated(2, 1200)
-    torque = found.tree.torques(*motion)
-    for k, own in enumerate(fresh):
-        v, a = motion[1][:, k], motion[2][:, k]
-        offset, coulomb, viscous, rotor = FRICTION[k]
-        rigid = own.current - offset - coulomb * np.tanh(v / 0.01) - viscous * v - rotor * a
-        # Rotor inertia and a link's own about the same axis are one thing.
-        matrix = np.column_stack((found.scales[k] * torque[:, k], a))
-        share = np.linalg.lstsq(matrix, rigid, rcond=None)[0]
-        assert share[0] == pytest.approx(1.0, abs=0.03)
-        assert np.std(rigid - matrix @ share) < 1.2 * 0.02
-    assert found.friction[:, 1] == pytest.approx([one[1] for one in FRICTION], abs=0.03)
-    assert (found.held_out < 0.05).all()
-
-
-@pytest.mark.slow
 def test_with_declared_drives_the_intervals_contain_the_true_masses(pinocchio, tmp_path):
     chain = chain_of(tmp_path, small_arm(), PLANE)
     fit = fit_arm(chain, simulated(50, 800)[0], declared=np.array(SCALES))
@@ -194,45 +175,6 @@ def test_joints_that_are_not_recorded_are_locked(pinocchio, tmp_path):
 
 
 # Torques due to the motion of other joints, and friction between joints, without a URDF.
-
-def planar(rng, size):
-    """Return currents and motion of two parallel joints with weight, and one that has neither."""
-    motion = q, v, a = waves(rng, size, 3, 0.01)
-    shoulder = 2.0 * np.cos(q[:, 0]) + 0.8 * np.cos(q[:, 0] + q[:, 1])
-    elbow = 0.8 * np.cos(q[:, 0] + q[:, 1])
-    currents = [part + 0.3 * np.tanh(v[:, k] / 0.01) + 0.2 * v[:, k] + 0.05 * a[:, k]
-                + 0.02 * rng.standard_normal(size)
-                for k, part in enumerate((shoulder, elbow, 0.0))]
-    return currents, motion
-
-
-def seen_by(joint, names, current, motion):
-    """Return the samples of one joint of an arm whose joints all move."""
-    q, v, _ = motion
-    k = names.index(joint)
-    return Samples(time=0.01 * np.arange(len(q)), position=q[:, k], velocity=v[:, k],
-                   current=current, joint=joint, arm=JointStates(names, q, v))
-
-
-@pytest.mark.slow
-def test_the_weight_of_the_next_link_is_found_without_a_urdf():
-    rng = np.random.default_rng(0)
-    names = ('shoulder', 'elbow', 'wrist')
-    currents, motion = planar(rng, 1000)
-    for joint, current in (('shoulder', currents[0]), ('wrist', currents[2])):
-        result = refine([seen_by(joint, names, current, motion)])
-        assert result.report.after.held_out_rmse < 0.03
-        if joint == 'wrist':
-            assert 'other_joints' not in {effect.name for effect in result.report.effects}
-            continue
-        found = {effect.variable: effect.in_words for effect in result.report.effects}
-        assert 'elbow' in found['other joints']
-        coupling = result.model.arm.source
-        weights = [group.angles for group in coupling.groups if group.kind == 'weight']
-        assert (('shoulder', 1), ('elbow', 1)) in weights
-        again = Coupling.from_dict(coupling.to_dict())
-        assert again.current(names, *motion) == pytest.approx(coupling.current(names, *motion))
-
 
 def test_kinetic_terms_agree_with_lagranges_equations():
     """By the derivatives of the energy along the motion, taken by differences."""

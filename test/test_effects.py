@@ -350,19 +350,6 @@ def test_temperature_scales_friction():
     assert share == pytest.approx(1.0 - 0.02 * (mean - 20.0), abs=0.03)
 
 
-def test_inertia_requires_torque_proportional_to_acceleration():
-    fast = Excitation(duration=40.0, rate=1000.0, rests=False)
-    drive = plain_drive([{'name': 'inertia', 'parameters': {'inertia': 0.2}}])
-    heavy = record(drive, 4, fast)[0]
-    light = record(replace(drive, effects=[]), 4, fast)[0]
-    position = np.convolve(heavy.samples.position, np.ones(41) / 41, 'same')
-    acceleration = np.gradient(np.gradient(position, 1e-3), 1e-3)
-    inner = slice(200, -200)
-    difference = (heavy.noise_free - light.noise_free)[inner]
-    slope = np.polyfit(acceleration[inner], difference, 1)[0]
-    assert slope == pytest.approx(0.2, rel=0.03)
-
-
 def test_stiction_grows_with_rest_and_is_lost_by_sliding():
     effect = {'name': 'rest', 'parameters': {'share': 0.5, 'time_constant': 1.0, 'distance': 0.1}}
 

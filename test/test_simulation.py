@@ -223,15 +223,6 @@ def test_a_joint_without_a_link_moves_as_with_our_own_engine(engine, number, tmp
     assert np.abs(own[:100, 0]).max() < 0.02 * np.ptp(other[:, 0])
 
 
-def test_the_same_seed_gives_the_same_numbers_with_mujoco(engine):
-    one, other = arm(seed=4), arm(seed=4)
-    for k in range(300):
-        currents = [0.1, 0.4, -0.1] if k < 200 else [0.0, 0.0, 0.0]
-        a, b = one.step(currents), other.step(currents)
-    np.testing.assert_array_equal(a.position, b.position)
-    np.testing.assert_array_equal(a.current, b.current)
-
-
 @pytest.mark.parametrize('make, words', [
     (lambda room: MujocoPlant(room / 'missing.xml', ['a'], [drive(1)]), 'there is no such file'),
     (lambda room: MujocoPlant(ARM, ['knee'], [drive(1)]), "no joint 'knee'; it has turn"),

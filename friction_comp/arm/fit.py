@@ -315,8 +315,6 @@ class ArmFit:
     tree: Tree  # with the fitted parameters
     start: Tree  # with those of the URDF
     scales: np.ndarray  # (J,): current per torque of each joint, A per N·m
-    # (J, 4): offset (A), Coulomb (A), viscous (A·s/rad) and rotor inertia (A·s²/rad).
-    friction: np.ndarray
     differentiation: dict[str, Any]  # how velocity and acceleration are computed from position
     held_out: np.ndarray  # (J,): RMS error in A on stretches not fitted
     intervals: LinkIntervals  # of the links and the currents per torque
@@ -359,8 +357,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     report(1.0)
     tree, scales = problem.arm_of(x)
     return ArmFit(
-        tree=tree, start=chain.tree, scales=scales,
-        friction=best.prior.friction(x)[:, :FRICTION], differentiation=best.settings,
+        tree=tree, start=chain.tree, scales=scales, differentiation=best.settings,
         held_out=_held_out(best.sums, best.prior, best.x),
         intervals=solver.confidence_intervals(whole.sums, best.prior, x),
         declared=problem.declared is not None)
