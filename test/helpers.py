@@ -185,3 +185,16 @@ def joint_state(stamp, names, position, velocity=None):
         header=SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec)), name=list(names),
         position=list(position), effort=[0.0] * len(names),
         velocity=[0.0] * len(names) if velocity is None else list(velocity))
+
+
+def swing(count=2000, step=0.001):
+    """Return time, position and velocity of a joint that swings."""
+    time = step * np.arange(count)
+    return time, 0.4 * np.sin(2.0 * time), 0.8 * np.cos(2.0 * time)
+
+
+def write(path, separator=',', **columns):
+    """Write a table of columns by name; return its path."""
+    np.savetxt(path, np.column_stack(list(columns.values())), '%.16g', separator,
+               header=separator.join(columns), comments='')
+    return path

@@ -17,13 +17,12 @@ import tempfile
 import time
 import traceback
 
-from helpers import ROOT
+from helpers import ROOT, write
 import numpy as np
 import pytest
 from recording_maker import record, states
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from scipy.io import savemat
-from table_maker import write
 import zstandard
 
 from friction_comp.__main__ import run

@@ -11,12 +11,11 @@ import subprocess
 import sys
 import time
 
-from helpers import undocumented
+from helpers import swing, undocumented, write
 from node_process import environment, ROOT
 import numpy as np
 import pytest
 from recording_maker import joint_state, record as record_bag, wrench
-from table_maker import swing, write
 from work_that_may_die import work_that_ends_a_worker_once, work_that_may_die
 
 from friction_comp.__main__ import run

@@ -1,13 +1,19 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The SROS 2 policy grants each node the rights that it uses, and no others."""
+"""The SROS 2 policy grants each node the rights that it uses, no others; and what doctor sees."""
 
 from collections import defaultdict
 from contextlib import ExitStack
-from pathlib import Path
+import json
+import time
 from xml.etree import ElementTree
 
-POLICY = Path(__file__).resolve().parents[1] / 'sros2' / 'friction_comp.policy.xml'
+from node_process import Process, ROOT
+import numpy as np
+from ros_system import BEST_EFFORT, joint_state, MODELS, own_domain, probe_node, RELIABLE
+from sensor_msgs.msg import JointState
+
+POLICY = ROOT / 'sros2' / 'friction_comp.policy.xml'
 # Rights that a node uses at times only: in a simulation, during a goal, in lockstep.
 AT_TIMES = {*(('direction', 'subscribe', topic) for topic in ('/trajectory', '/reference')),
             ('plant', 'publish', '/clock'), ('identification', 'publish', '/current_command'),
@@ -67,9 +73,6 @@ def test_only_few_nodes_may_command_a_current_or_announce_a_direction():
 
 
 def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
-    from node_process import Process
-    from ros_system import MODELS, own_domain, probe_node
-
     one = {'joints': ['elbow'], 'model_files': MODELS[:1]}
     # What they use does not depend on how much of it.
     starts = {'plant': {**one, 'sample_time': 0.01}, 'compensator': one, 'identification': one,
@@ -100,3 +103,23 @@ def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
             probe.until(lambda unused=unused: unused() <= AT_TIMES, f'all of {name}')
             for kind, ask in questions.items():
                 assert used(kind, ask) <= allowed.get(kind, set())
+
+
+def test_the_doctor_finds_the_sign_and_who_publishes(tmp_path):
+    with own_domain(), probe_node() as probe, Process(
+            tmp_path, 'doctor', remappings={'__ns': '/arm'},
+            arguments=('--seconds', '4', '--json')) as doctor:
+        publisher = probe.talk(JointState, 'arm/joint_states', BEST_EFFORT)
+        probe.listen(JointState, 'arm/joint_states', RELIABLE)
+        while doctor.running:
+            now = time.time_ns()
+            t = now * 1e-9 % 1000.0
+            publisher.publish(joint_state(
+                now, ['elbow'], [np.sin(2.0 * t)], [-2.0 * np.cos(2.0 * t)], [0.0]))
+            probe.spin_for(0.004)
+        assert doctor.wait() == 1
+        findings = json.loads(doctor.text)['findings']
+    problems = [f"{one['about']}: {one['what']}" for one in findings if one['level'] == 'problem']
+    assert any('elbow: velocity is -1 times the rate' in line for line in problems), problems
+    assert any('QoS' in line and 'reliable: nothing arrives' in line for line in problems), problems
+    assert all(one['do'] for one in findings if one['level'] == 'problem')

@@ -12,12 +12,11 @@ import json
 import re
 import sys
 
-from helpers import note_model, ROOT, swings
+from helpers import note_model, ROOT, swings, write
 import numpy as np
 import pytest
 from recording_maker import DATA, needs_data, record_with_diagnostics
 from scipy.signal import butter, sosfiltfilt
-from table_maker import write
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError

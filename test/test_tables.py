@@ -8,13 +8,12 @@ import math
 from pathlib import Path
 import warnings
 
-from helpers import printed_by
+from helpers import printed_by, swing, write
 import numpy as np
 import pytest
 from recording_maker import DATA
 from scipy.io import savemat
 from scipy.io.matlab import MatlabOpaque
-from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_frame, read_recording, Samples
 from friction_comp.__main__ import main

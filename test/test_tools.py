@@ -11,10 +11,9 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
-from helpers import note_model, ROOT
+from helpers import note_model, ROOT, write
 import numpy as np
 import pytest
-from table_maker import write
 import yaml
 
 from friction_comp import __main__ as entry
