@@ -241,6 +241,6 @@ def test_friction_that_turns_with_two_joints_is_named_with_both():
     again = replace(arm, source=Coupling.from_dict(arm.source.to_dict()))
     assert again.with_signal(other).coupling == pytest.approx(arm.with_signal(other).coupling)
     # It is no weight: nothing of it acts at rest.
-    assert again.at_rest(np.array([0.3] * len(again.joints)), 'roll') == 0.0
+    assert again.at_rest(dict.fromkeys(again.joints, 0.3), 'roll') == {'coupling': 0.0}
     # Where there is none, none is named.
     assert not between(refine([wrist(2, 1, 0.0, 0.0)]))

@@ -230,18 +230,10 @@ class CompensationLaw:
 
     def _arm_signals(self, joint: int, positions: np.ndarray) -> dict[str, float | None]:
         """Return the arm's torque on a joint at rest, None if other joints are unknown."""
-        signals: dict[str, float | None] = {'rigid_body': None, 'coupling': None}
-        arm = self.models[joint].arm
-        if arm is None:
-            return signals
-        known = {model.joint: position for position, model in zip(positions, self.models)}
-        if all(name in known for name in arm.joints):
-            value = arm.at_rest(np.array([known[name] for name in arm.joints]),
-                                self.models[joint].joint)
-            signals[arm.signal] = value
-            if arm.friction is not None:
-                signals[arm.friction.signal] = 0.0
-        return signals
+        model, signals = self.models[joint], dict.fromkeys(('rigid_body', 'coupling'))
+        known = {one.joint: position for position, one in zip(positions, self.models)}
+        return signals if model.arm is None else {
+            **signals, **model.arm.at_rest(known, model.joint)}
 
     def _why_left_out(self, effect: Effect) -> str:
         if effect.weight and self._gravity == 'left_to_robot':

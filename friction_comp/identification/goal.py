@@ -221,11 +221,9 @@ class Carried:
         known = dict(zip(self._joints, position.tolist()))
         currents = np.zeros(len(self._joints))
         for j, (joint, arm, terms) in enumerate(zip(self._joints, self._arms, self._terms)):
-            # Friction between joints has the signal of couplings, and is none at rest.
-            signals = {'rigid_body': 0.0, 'coupling': 0.0}
+            signals = {'rigid_body': math.nan, 'coupling': math.nan}
             if arm is not None and any(term.needs for term in terms):
-                places = np.array([known.get(name, np.nan) for name in arm.joints])
-                signals[arm.signal] = arm.at_rest(places, joint)
+                signals |= arm.at_rest(known, joint)
             currents[j] = sum(term.update(0.0, float(position[j]), 0.0, **signals)
                               for term in terms)
             if not np.isfinite(currents[j]):

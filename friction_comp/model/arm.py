@@ -11,7 +11,7 @@ wrist. Programs that run with a robot need only this, neither a URDF nor Pinocch
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 import functools
 from itertools import combinations
@@ -384,11 +384,18 @@ class Arm:
                              f'{", ".join(map(repr, self.joints))}')
         return self.joints.index(joint)
 
-    def at_rest(self, position: np.ndarray, joint: str) -> float:
-        """Return the arm's torque on a joint at rest, N·m or A; positions as `joints`, rad."""
-        if isinstance(self.source, Tree):
-            return float(self.source.weight(position)[self._index(joint)])
-        return self.source.weight(self.joints, np.asarray(position, dtype=float))
+    def at_rest(self, positions: Mapping[str, float], joint: str) -> dict[str, float]:
+        """Return what the arm adds to the signals of a joint at rest, N·m or A, by name.
+
+        Nothing if a joint's position, rad, is not among `positions`. Friction is none at rest.
+        """
+        if not all(name in positions for name in self.joints):
+            return {}
+        q = np.array([positions[name] for name in self.joints], dtype=float)
+        weight = (self.source.weight(q)[self._index(joint)] if isinstance(self.source, Tree) else
+                  self.source.weight(self.joints, q))
+        return {**({} if self.friction is None else {self.friction.signal: 0.0}),
+                self.signal: float(weight)}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the arm as the plain values of a model file."""
