@@ -38,12 +38,12 @@ class Listener(Node):
         return response
 
 
-@pytest.fixture(params=[0.0, 0.005], ids=['at once', 'in handfuls'])
+@pytest.fixture
 def room(request):
     with own_domain(), probe_node() as probe:
         context = Context()
         rclpy.init(context=context)
-        node = Listener(context, request.param)
+        node = Listener(context, getattr(request, 'param', 0.0))
         executor = StreamExecutor(node)
         probe.talk(Int32, 'first', RELIABLE)
         probe.talk(Int32, 'second', RELIABLE)
@@ -65,6 +65,7 @@ def until(executor, condition, meanwhile=lambda: None):
         executor.spin_once(0.01)
 
 
+@pytest.mark.parametrize('room', [0.0, 0.005], ids=['at once', 'in handfuls'], indirect=True)
 def test_messages_of_earlier_subscriptions_are_processed_first(room):
     probe, node, executor = room
     for k in range(20):
@@ -151,6 +152,7 @@ def test_a_node_that_cannot_go_on_ends(room):
         until(executor, lambda: False)
 
 
+@pytest.mark.parametrize('room', [0.0, 0.005], ids=['at once', 'in handfuls'], indirect=True)
 def test_streams_go_on_beside_work_that_takes_long(room):
     probe, node, executor = room
 

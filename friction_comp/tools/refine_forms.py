@@ -24,7 +24,7 @@ from friction_comp.files import encodable, output_folder, read_yaml, to_json, to
 from friction_comp.identification.curves import fit_steady_states, SteadyStates
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import joints_of, write_arm
-from friction_comp.parallel import attempt, Failure, run_each, Runner, runner_on_cluster
+from friction_comp.parallel import Failure, run_each, Runner, runner_on_cluster
 from friction_comp.recorded_drive.refine_recordings import (
     assumed_in,
     drive_of,
@@ -325,9 +325,6 @@ def _refine(arguments: Namespace, items: Sequence[_Item], run: Runner, show: Cal
     # The names of all recordings need not go to each process with each recording.
     own = Namespace(**{**vars(arguments), 'recordings': []})
     work: Callable[[_Item], Any] = partial(_refine_one, own, len(items) <= MOST_PAGES)
-    if len(items) > 1:
-        # One that cannot be used must not lose the others, even if it is the last to be done.
-        work = partial(attempt, work)
     done, failed = [], []
     with closing(run(work, items)) as outcomes:
         for count, (index, outcome) in enumerate(outcomes, 1):
