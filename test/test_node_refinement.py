@@ -15,7 +15,8 @@ from ros_system import Goals, joint_state, MODELS, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.refinement import LiveRows
+from friction_comp.nodes.refinement import live_rows
+from friction_comp.recordings.scan import tracks_of
 
 JOINT = 'elbow'
 STEP = 0.02
@@ -79,31 +80,31 @@ def bench(room):
 
 
 def test_states_have_the_load_of_their_time():
-    rows, second = LiveRows([JOINT, 'wrist'], [2.0, 1.0]), 10**9
+    heard, second = [], 10**9
 
-    def add_load(stamp, torque):
-        wrench = WrenchStamped()
-        wrench.header.frame_id = JOINT
-        wrench.wrench.torque.z = torque
-        rows.add('interaction_wrench', stamp, serialize_message(wrench))
+    def add(topic, stamp, message):
+        heard.append((topic, stamp, serialize_message(message)))
 
     for k in range(1, 11):
         stamp = k * second // 100
-        add_load(stamp + 10**6, 0.1 * k)
+        wrench = WrenchStamped()
+        wrench.header.frame_id = JOINT
+        wrench.wrench.torque.z = 0.1 * k
+        add('interaction_wrench', stamp + 10**6, wrench)
         for repeated in range(2):
             # Some hundred a second are enough.
-            rows.add('joint_states', stamp + repeated * 10**6, serialize_message(joint_state(
-                stamp, ['wrist', JOINT], [7.0, 0.5], [1.0, 0.2], [3.0, 4.0])))
-    mine, other = rows.take()
-    np.testing.assert_allclose(mine[:, 0], 0.01 * np.arange(1, 11))
-    np.testing.assert_allclose(mine[:, 1:4], [[0.5, 0.2, 2.0]] * 10)
-    np.testing.assert_allclose(mine[:, 4], 0.1 * np.arange(1, 11))
+            add('joint_states', stamp + repeated * 10**5, joint_state(
+                stamp, ['wrist', JOINT], [7.0, 0.5], [1.0, 0.2], [3.0, 4.0]))
+    # An old load is none.
+    add('joint_states', second, joint_state(second, [JOINT], [0.5], [0.2], [4.0]))
+    tracks = tracks_of(heard)
+    mine, other = live_rows(tracks, JOINT, 2.0), live_rows(tracks, 'wrist', 1.0)
+    np.testing.assert_allclose(mine[:, 0], [*(0.01 * np.arange(1, 11)), 1.0])
+    np.testing.assert_allclose(mine[:, 1:4], [[0.5, 0.2, 2.0]] * 11)
+    np.testing.assert_allclose(mine[:, 4], [*(0.1 * np.arange(1, 11)), np.nan])
     assert np.isnan(mine[:, 5]).all()
     assert np.isnan(other[:, 4]).all()
-    # An old load is none, and a clock that starts over is followed.
-    for stamp in (second, second // 10):
-        rows.add('joint_states', stamp, serialize_message(joint_state(stamp, [JOINT], [0.0])))
-    assert np.isnan(rows.take()[0][:, 4]).tolist() == [True, False]
+    assert not len(live_rows({}, JOINT, 1.0))
 
 
 def loaded(probe):

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import ast
 from collections import deque
-from collections.abc import Sequence
 from datetime import datetime
 import math
 from pathlib import Path
@@ -15,15 +14,12 @@ from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 from friction_comp_interfaces.action import RefineModel
-from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState, Temperature
 
-from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
 from friction_comp.files import file_names
 from friction_comp.messages import NANO
@@ -31,6 +27,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.recorded_drive.child import Refined, RefinementProcess
 from friction_comp.recorded_drive.refine_recordings import Given
+from friction_comp.recordings.scan import Track, tracks_of
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.ros import node_parts as parts
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
@@ -38,10 +35,9 @@ from friction_comp.ros.node_main import yield_to_executor
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.tables.columns import Layout
 
-# ns between states that are compared, and of difference up to which a load, or temperature, counts.
-_STEP, _AGES = 8_000_000, np.array([[50_000_000], [60 * NANO]])
-_SLOW = {'interaction_wrench': (0, WrenchStamped, lambda message: message.wrench.torque.z),
-         'motor_temperature': (1, Temperature, lambda message: message.temperature)}
+# ns between states that are compared, and of age up to which a load, or temperature, counts.
+_STEP = 8_000_000
+_AGES = {'interaction_wrench': 50_000_000, 'motor_temperature': 60 * NANO}
 
 
 class Message(NamedTuple):
@@ -54,37 +50,22 @@ class Message(NamedTuple):
     cdr: bytes
 
 
-class LiveRows:
-    """Rows for `LiveResidual`, some hundred per second, from serialised messages."""
-
-    def __init__(self, joints: list[str], effort_per_current: Sequence[float]) -> None:
-        self._joints, self._gains = joints, np.asarray(effort_per_current)
-        self._columns, self._last = JointColumns(joints), 0
-        # Stamps and values of the slow topics, (2, J).
-        self._stamps, self._values = np.zeros((2, len(joints))), np.full((2, len(joints)), np.nan)
-        self._rows: list[np.ndarray] = []
-
-    def add(self, topic: str, stamp: int, cdr: bytes) -> None:
-        """Take a message of any topic."""
-        if topic in _SLOW:
-            place, kind, value_of = _SLOW[topic]
-            message = deserialize_message(cdr, kind)
-            if message.header.frame_id in self._joints:
-                at = place, self._joints.index(message.header.frame_id)
-                self._stamps[at], self._values[at] = stamp, value_of(message)
-        elif topic == STATES and not self._last <= stamp < self._last + _STEP:
-            self._last = stamp
-            position, velocity, effort = self._columns.read(deserialize_message(cdr, JointState))
-            slow = np.where(np.abs(stamp - self._stamps) <= _AGES, self._values, np.nan)
-            self._rows.append(np.array([
-                np.full_like(position, stamp / NANO), position,
-                np.full_like(position, np.nan) if velocity is None else velocity,
-                effort / self._gains, *slow]))
-
-    def take(self) -> list[np.ndarray]:
-        """Return and forget the rows of each joint."""
-        rows, self._rows = self._rows, []
-        return list(np.array(rows).reshape(-1, 6, len(self._joints)).transpose(2, 0, 1))
+def live_rows(tracks: dict[str, Track], joint: str, effort_per_current: float) -> np.ndarray:
+    """Return rows of a joint for `LiveResidual`, (N, 6), some hundred per second."""
+    states = tracks.get(STATES)
+    if states is None or joint not in states.values:
+        return np.empty((0, 6))
+    some = np.flatnonzero(np.diff(states.receive // _STEP, prepend=0))
+    times, rows = states.receive[some], np.full((len(some), 6), np.nan)
+    rows[:, 0], rows[:, 1:4] = times / NANO, states.values[joint][some]
+    rows[:, 3] /= effort_per_current
+    for column, (topic, oldest) in enumerate(_AGES.items(), 4):
+        if topic in tracks and joint in (track := tracks[topic]).values:
+            order = np.argsort(track.receive, kind='stable')
+            last = order[np.searchsorted(track.receive[order], times + oldest // 10, 'right') - 1]
+            fresh = np.abs(times - track.receive[last]) <= oldest
+            rows[fresh, column] = track.values[joint][last[fresh], 0]
+    return rows
 
 
 class RefinementNode(Node):
@@ -107,8 +88,10 @@ class RefinementNode(Node):
                            for joint, model in zip(self._joints, models)}
         self._past, self._memory = deque[Message](), settings['memory']
         self._in_ampere = settings['effort_holds'] == 'current'
-        self._rows = LiveRows(self._joints, [
-            1.0 if self._in_ampere else model.drive.torque_per_current for model in models])
+        self._gains = {joint: 1.0 if self._in_ampere else model.drive.torque_per_current
+                       for joint, model in zip(self._joints, models)}
+        # What arrived since the last comparison: topic, stamp, ns, and content.
+        self._fresh: list[tuple[str, int, bytes]] = []
         self._rate = parts.Rate()
         # Model files of the compensator's joints, and when it was heard last to be active, real s.
         self._compensators: dict[str, str] = {}
@@ -134,7 +117,8 @@ class RefinementNode(Node):
         self._past.append(Message(now, stamp, self._topics[topic].name, RECORDED[topic], cdr))
         while self._past[0].arrived < now - self._memory:
             self._past.popleft()
-        self._rows.add(topic, stamp, cdr)
+        if topic in (STATES, *_AGES):
+            self._fresh.append((topic, stamp, cdr))
 
     def _hear_compensator(self, message: Any) -> None:
         for status in message.status:
@@ -163,8 +147,12 @@ class RefinementNode(Node):
     def _monitor(self) -> None:
         # It reports once a second.
         compensated = time.monotonic() - self._active < 3.0
-        for joint, rows in zip(self._joints, self._rows.take()):
-            residual = self._residuals[joint]
+        tracks, now = tracks_of(self._fresh), self._fresh[-1][1] if self._fresh else 0
+        # A load, or temperature, may count for the states of the next second, too.
+        self._fresh = [(topic, stamp, cdr) for topic, stamp, cdr in self._fresh
+                       if abs(now - stamp) <= _AGES.get(topic, -1)]
+        for joint, residual in self._residuals.items():
+            rows = live_rows(tracks, joint, self._gains[joint])
             if compensated:
                 # The compensator's own current says nothing without the load that it helps.
                 rows = rows[np.isfinite(rows[:, 4])]

@@ -8,7 +8,7 @@ places. It is found once, and the numbers of all that share it are taken at once
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 import math
@@ -200,6 +200,16 @@ class _Reader:
             name: np.concatenate([
                 values.get(name, np.full((len(times), self.width), np.nan))
                 for times, _, values in self._parts]) for name in names}) if len(receive) else None
+
+
+def tracks_of(messages: Iterable[tuple[str, int, bytes]]) -> dict[str, Track]:
+    """Return the tracks of messages by signal, from signal, time of receipt in ns and content."""
+    readers = dict[str, _Reader]()
+    for signal, receive, raw in messages:
+        if signal not in readers:
+            readers[signal] = _Reader(signal, signal)
+        readers[signal].add(receive, raw)
+    return {signal: track for signal, reader in readers.items() if (track := reader.track())}
 
 
 # What a compensator reported.
