@@ -11,7 +11,7 @@ from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.recordings import RecordingWriter, write_samples
-from friction_comp.recordings.storage import Storage
+from friction_comp.recordings.scan import Storage
 from friction_comp.samples import Samples
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

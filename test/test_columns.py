@@ -8,8 +8,7 @@ import pytest
 
 from friction_comp import InputError, Layout
 from friction_comp.arm.urdf import match_names
-from friction_comp.tables.columns import assign, read_name
-from friction_comp.tables.units import parse_unit, unit_of
+from friction_comp.tables.columns import assign, parse_unit, read_name, unit_of
 from friction_comp.terminal import in_own_units
 
 

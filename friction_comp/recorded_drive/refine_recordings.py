@@ -18,8 +18,7 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import output_folder, write_report
-from friction_comp.tables import units
-from friction_comp.tables.columns import Layout
+from friction_comp.tables.columns import Layout, unit_of as unit_named
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -102,7 +101,7 @@ def figures_unit(given: Given, in_ampere: bool, linear: bool) -> str:
     if given.torque_constant is not None or given.gear_ratio is not None or in_ampere:
         return 'A'
     text = given.layout.units.get('effort', 'N' if linear else 'N·m')
-    unit = units.unit_of('effort', text)
+    unit = unit_named('effort', text)
     # A unit that is no torque, such as 0.1 %, is kept as it is.
     return text if unit is None else {'torque': 'N·m', 'force': 'N', 'current': 'A'}[unit.dimension]
 

@@ -17,11 +17,10 @@ from friction_comp.errors import InputError, one_of
 from friction_comp.facts.motion import at_times
 from friction_comp.facts.recorded import check_plausible, moves, tidied, usable
 from friction_comp.messages import NANO, TOPICS, TORQUE_UNIT
-from friction_comp.recordings.scan import scan_bag, Track
+from friction_comp.recordings.scan import Scan, Track
 from friction_comp.samples import HOLE, RecordingInfo, Samples
 from friction_comp.statistics import gap_length
-from friction_comp.tables.columns import STATES
-from friction_comp.tables.units import Unit
+from friction_comp.tables.columns import STATES, Unit
 
 # Distance of a stamp from its neighbours above which it is far off, and of the clocks of two topics
 # above which they are different ones, since no message is as late, ns.
@@ -46,7 +45,7 @@ class Bag:
 
     def __init__(self, path: Path, joint: str | None = None,
                  units: Mapping[str, Unit] | None = None, first: float = math.inf) -> None:
-        self._scan = scan_bag(path, joint, first)
+        self._scan = Scan(path, joint, first)
         self.path, units = path, units or {}
         factors = [units[signal].factor if signal in units else 1.0 for signal in STATES]
         self._tracks = [replace(track, values={

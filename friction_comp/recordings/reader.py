@@ -25,10 +25,9 @@ from friction_comp.files import AnyPath
 from friction_comp.recordings import BAGS, METADATA
 from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.statistics import evenly_spread
-from friction_comp.tables.columns import Layout, STATES
+from friction_comp.tables.columns import Layout, STATES, unit_of
 from friction_comp.tables.table_files import is_table, parts_of, TABLES
 from friction_comp.tables.table_recording import TableRecording
-from friction_comp.tables.units import unit_of
 
 if TYPE_CHECKING:
     from friction_comp.recordings.bag import Bag

@@ -2,27 +2,227 @@
 # SPDX-License-Identifier: Apache-2.0
 """Raw contents of a bag as arrays: a track for each topic, and what a compensator reported.
 
+A file, mcap or sqlite3, is read up to its end, or to the first part that is damaged or missing, and
+a note says so. Libraries give records; they refuse a file whose end is missing, which the recorder
+of a robot that lost its power leaves behind.
+
 Messages of a topic mostly have one layout: the same names and lengths, and numbers at the same
 places. It is found once, and the numbers of all that share it are taken at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
+import io
 import math
-from pathlib import Path
+from mmap import ACCESS_READ, mmap
+from pathlib import Path, PurePath
 import re
+import sqlite3
 import struct
 from typing import NamedTuple
+from urllib.parse import quote
 
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.stream_reader import get_chunk_data_stream
 import numpy as np
+import zstandard
 
-from friction_comp.errors import os_errors_name
+from friction_comp.errors import InputError, one_line, os_errors_name
+from friction_comp.files import check_input, check_unpacked, open_input, read_yaml, unpacked_file
 from friction_comp.messages import NANO, TOPICS, TORQUE_UNIT
-from friction_comp.recordings.storage import Storage, unpack
+from friction_comp.recordings import BAGS, METADATA
 from friction_comp.tables.columns import STATES
+
+# Files.
+
+Message = tuple[str, str, int, bytes]
+Wanted = Callable[[str, str], bool]
+
+_ZSTD = b'\x28\xb5\x2f\xfd'
+_MAGIC = b'\x89MCAP0\r\n'
+# Beginning of a record, and of a message: channel, number, and times of receipt and sending, ns.
+_RECORD, _MESSAGE = struct.Struct('<BQ'), struct.Struct('<HIqq')
+# Largest chunk of messages and largest compressed message, bytes when unpacked.
+_LARGEST_CHUNK, _LARGEST_MESSAGE = 500_000_000, 1_000_000
+
+
+class Storage:
+    """Reads the messages of a rosbag2 folder or a single file; raises InputError if unreadable."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        # Message type and number of messages of each topic, and notes on missing or damaged parts;
+        # all are complete after `messages` has ended.
+        self.kinds: dict[str, str] = {}
+        self.counts = Counter[str]()
+        self.notes: list[str] = []
+        self.custom: dict[str, str] = {}    # custom_data of the metadata
+        self.files = [path] if path.is_file() else self._list_files()
+
+    def messages(self, wanted: Wanted) -> Generator[Message, None, None]:
+        """Yield (topic, type, receive time in ns, payload) of the messages of all files.
+
+        Only messages for which `wanted(topic, type)` is true are yielded; all are counted. Raises
+        InputError if there are none at all before the first damage, or those wanted are not CDR.
+        """
+        failed = []
+        for file in self.files:
+            before = self.counts.total()
+            try:
+                with unpacked_file(file) as plain:
+                    yield from _READERS[plain.suffix](self, plain, wanted)
+            # What is damaged may raise anything.
+            except Exception as error:
+                damage = 'damaged or not finished: ' + (
+                    'a part of it is missing' if isinstance(error, (LookupError, struct.error))
+                    else one_line(error))
+                if count := self.counts.total() - before:
+                    self.notes.append(f'{file.name}: {damage}: {count} messages before that were '
+                                      'read')
+                else:
+                    failed.append(f'{file.name}: {damage}')
+        if len(failed) == len(self.files):
+            raise unreadable(self.path, '; '.join(failed))
+        self.notes.extend(f'{reason}: this file is missing' for reason in failed)
+
+    def declare(self, topic: str, kind: str, wanted: Wanted, encoding: str) -> bool:
+        """Take note of a topic, and return whether its messages are wanted."""
+        self.kinds.setdefault(topic, kind)
+        if chosen := wanted(topic, kind):
+            if encoding not in ('cdr', ''):
+                raise ValueError(f'{topic} is not serialised as CDR')
+        return chosen
+
+    def _list_files(self) -> list[Path]:
+        """Return the files listed in the metadata, or else those in the folder."""
+        files = sorted((path for path in self.path.iterdir() if path.name.endswith(BAGS)),
+                       key=_by_numbers)
+        try:
+            about = read_yaml(self.path / METADATA, references=True)['rosbag2_bagfile_information']
+            # Only the names, in this folder: metadata must not point outside of it.
+            listed = [self.path / PurePath(name).name for name in about['relative_file_paths']]
+            self.custom = {key: value for key, value in (about.get('custom_data') or {}).items()
+                           if isinstance(key, str) and isinstance(value, str)}
+        except Exception as error:
+            if not files:
+                raise unreadable(self.path, f'{METADATA}: {one_line(error)}') from None
+            self.notes.append(f'{METADATA} is damaged: files are read in the order of their names')
+            return files
+        found = [path for path in listed if path.is_file()]
+        missing = ', '.join(path.name for path in listed if path not in found)
+        if not found:
+            raise unreadable(self.path, f'{METADATA} lists {missing or "a file"}, which is not '
+                             'here')
+        if missing:
+            self.notes.append(f'{len(listed) - len(found)} of its {len(listed)} files are missing: '
+                              f'{missing}')
+        return found
+
+
+def _read_mcap(storage: Storage, file: Path, wanted: Wanted) -> Iterator[Message]:
+    schemas: dict[int, str] = {}
+    # Topic and type by channel, and whether its messages are wanted.
+    channels: dict[int, tuple[str, str, bool]] = {}
+    with open_input(file) as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as whole:
+        if whole[:len(_MAGIC)] != _MAGIC:
+            raise ValueError('not an mcap file')
+        for kind, packed in _records(whole, len(_MAGIC)):
+            if kind == Opcode.DATA_END:
+                return
+            for code, content in _records(_unpacked(packed)) if kind == Opcode.CHUNK else [
+                    (kind, packed)]:
+                if code == Opcode.MESSAGE:
+                    number, _, receive, _ = _MESSAGE.unpack_from(content)
+                    topic, type_name, chosen = channels[number]
+                    storage.counts[topic] += 1
+                    if chosen:
+                        yield topic, type_name, receive, content[_MESSAGE.size:]
+                elif code == Opcode.SCHEMA:
+                    schema = records.Schema.read(_stream(content))
+                    schemas[schema.id] = schema.name
+                elif code == Opcode.CHANNEL:
+                    own = records.Channel.read(_stream(content))
+                    type_name = schemas.get(own.schema_id, '')
+                    channels[own.id] = own.topic, type_name, storage.declare(
+                        own.topic, type_name, wanted, own.message_encoding)
+
+
+def _records(data: bytes | mmap, at: int = 0) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and content of the records of a file, or of a chunk in it."""
+    while at < len(data):
+        code, length = _RECORD.unpack_from(data, at)
+        begin, at = at + _RECORD.size, at + _RECORD.size + length
+        if at > len(data):
+            raise LookupError
+        yield code, data[begin:at]
+
+
+def _stream(content: bytes) -> ReadDataStream:
+    return ReadDataStream(io.BytesIO(content))
+
+
+def _unpacked(content: bytes) -> bytes:
+    """Return a chunk's records; an error if it unpacks to more than it says, or than any holds."""
+    chunk = records.Chunk.read(_stream(content))
+    size, packed = chunk.uncompressed_size, chunk.data
+    check_unpacked('a chunk', size, len(packed))
+    said = zstandard.frame_content_size(packed) if chunk.compression == 'zstd' else -1
+    if size > _LARGEST_CHUNK or said not in (-1, size):
+        raise ValueError(f'a chunk of {max(size, said)} bytes')
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    return stream.read(size)
+
+
+def _read_sqlite(storage: Storage, file: Path, wanted: Wanted) -> Iterator[Message]:
+    # Nothing is written beside it, unless it has a log that is not yet merged.
+    logged = check_input(file).with_name(f'{file.name}-wal').exists()
+    options = 'mode=ro' if logged else 'mode=ro&immutable=1'
+    with closing(sqlite3.connect(f'file:{quote(str(file.absolute()))}?{options}', uri=True)
+                 ) as database:
+        # A view, or a virtual table, could yield rows without end.
+        stored = dict(database.execute('SELECT name, sql FROM sqlite_master'))
+        if not all(str(stored.get(name)).startswith('CREATE TABLE')
+                   for name in ('topics', 'messages')):
+            raise ValueError('not a database of rosbag2')
+        topics = {key: (str(topic), str(kind), storage.declare(
+            str(topic), str(kind), wanted, encoding)) for key, topic, kind, encoding in
+            database.execute('SELECT id, name, type, serialization_format FROM topics ORDER BY id')}
+        for key, time, payload in database.execute(
+                'SELECT topic_id, timestamp, data FROM messages ORDER BY id'):
+            topic, kind, chosen = topics[key]
+            storage.counts[topic] += 1
+            if chosen:
+                yield topic, kind, int(time), bytes(payload)
+
+
+_READERS = {'.mcap': _read_mcap, '.db3': _read_sqlite}
+
+
+def unreadable(path: Path, reason: str) -> InputError:
+    """Return the error for an unreadable recording."""
+    return InputError(f'{path}: not a readable recording: {reason}')
+
+
+def unpack(payload: bytes) -> bytes:
+    """Return a message, decompressed if rosbag2 compressed it and it is not damaged."""
+    if payload[:4] == _ZSTD:
+        with suppress(zstandard.ZstdError):
+            return zstandard.ZstdDecompressor().stream_reader(payload).read(_LARGEST_MESSAGE)
+    return payload
+
+
+def _by_numbers(path: Path) -> list[str | int]:
+    """Return a key that sorts names by their numbers, 2 before 10."""
+    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
+
+
+# Messages.
 
 _DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 # Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them: used
@@ -37,10 +237,8 @@ _TYPES = {**TOPICS, _DYNAMIC: 'control_msgs/msg/DynamicJointState'}
 # Most joints, or values of a joint, in one message: a corrupt one could fill the memory.
 _MOST_NAMES = 200
 # Messages that are turned into arrays at once, and most numbers of one topic that are kept.
-_BATCH, _MOST = 5_000, 50_000_000
+_BATCH, _MOST = 1_000, 50_000_000
 
-
-# Messages.
 
 class _Cdr:
     """Reads along a message in the serialisation of DDS, and keeps where its layout stands."""
@@ -236,34 +434,27 @@ class Activity:
         return replace(self, model=self.models.get(joint, self.model))
 
 
-class _ActivityLog:
-    """Collects the changes of activity from diagnostics, in the order they were received."""
+def _take_report(changes: list[Activity], time: int, raw: bytes, begin: int) -> None:
+    """Add to the `changes` of activity what a DiagnosticArray says that was received at `time`, ns.
 
-    def __init__(self) -> None:
-        self.changes: list[Activity] = []
-
-    def add(self, time: int, raw: bytes, begin: int) -> None:
-        """Add a DiagnosticArray received at `time`, ns.
-
-        A compensator's first report also applies to the time before it, back to `begin`, ns.
-        """
-        before, cdr = len(self.changes), _Cdr(raw)
-        cdr.place(4, 2)
-        cdr.text()
-        for _ in range(cdr.count()):
-            cdr.place(1)
-            name, _, hardware = cdr.text(), cdr.text(), cdr.text()
-            values = {cdr.text(): cdr.text() for _ in range(cdr.count())}
-            last = self.changes[-1] if self.changes else None
-            activity = _activity_of(name, hardware, values, time, last)
-            if activity and (last is None or replace(
-                    activity, time=last.time, joints=last.joints) != last):
-                self.changes.append(activity)
-        if not before and self.changes:
-            first = self.changes[0]
-            # It reports every second of real time, in which a simulation may advance by several.
-            if first.time - begin < 10 * NANO and first.state != 'identification':
-                self.changes[0] = replace(first, time=min(first.time, begin))
+    A compensator's first report also applies to the time before it, back to `begin`, ns.
+    """
+    before, cdr = len(changes), _Cdr(raw)
+    cdr.place(4, 2)
+    cdr.text()
+    for _ in range(cdr.count()):
+        cdr.place(1)
+        name, _, hardware = cdr.text(), cdr.text(), cdr.text()
+        values = {cdr.text(): cdr.text() for _ in range(cdr.count())}
+        last = changes[-1] if changes else None
+        activity = _activity_of(name, hardware, values, time, last)
+        if activity and (last is None or replace(
+                activity, time=last.time, joints=last.joints) != last):
+            changes.append(activity)
+    # It reports every second of real time, in which a simulation may advance by several.
+    if not before and changes and changes[0].time - begin < 10 * NANO and (
+            changes[0].state != 'identification'):
+        changes[0] = replace(changes[0], time=min(changes[0].time, begin))
 
 
 def _activity_of(name: str, hardware: str, values: Mapping[str, str], time: int,
@@ -284,86 +475,72 @@ def _activity_of(name: str, hardware: str, values: Mapping[str, str], time: int,
 
 # A bag.
 
-@dataclass
 class Scan:
-    """Raw contents of one bag."""
-
-    tracks: list[Track]
-    topics: dict[str, tuple[str, int]]     # topic to message type and number of messages
-    notes: list[str]                       # on what is missing or damaged
-    custom: dict[str, str]                 # custom_data of rosbag2's metadata
-    activity: list[Activity]
-    in_ampere: bool                        # whether efforts are in A
-
-
-def scan_bag(path: Path, joint: str | None = None, first: float = math.inf) -> Scan:
-    """Return what a bag holds; `joint` may name a topic of joint states of any name.
+    """Raw contents of a bag; `joint` may name a topic of joint states of any name.
 
     Only the beginning is read until there are `first` joint states, or more than the memory takes.
     Raises InputError if it cannot be read.
     """
-    def signal(topic: str, kind: str) -> str:
-        # Topics have the type and name ending of a signal; joint states any name if it is given.
-        named = kind == TOPICS['joint_states'] and (joint or '').startswith(f'{topic}/')
-        return next((signal for signal, wanted in _TYPES.items()
-                     if kind == wanted and topic.endswith(signal)), 'joint_states' * named)
 
-    readers, activity, begin, notes = dict[str, _Reader](), _ActivityLog(), 0, list[str]()
-    with os_errors_name(path, 'cannot be read: '):
-        storage = Storage(path)
-        with closing(storage.messages(
-                lambda topic, kind: kind == _DIAGNOSTICS or bool(signal(topic, kind)))
-        ) as messages:
-            for topic, kind, receive, raw in messages:
-                begin = begin or receive
-                if kind == _DIAGNOSTICS:
-                    # A broken message may raise anything.
-                    with suppress(Exception):
-                        activity.add(receive, unpack(raw), begin)
-                    continue
-                reader = readers.get(topic)
-                if reader is None:
-                    reader = readers[topic] = _Reader(topic, signal(topic, kind))
-                if reader.add(receive, raw) and reader.numbers > _MOST:
-                    notes.append('the recording is very long: only its first '
-                                 f'{(receive - begin) / NANO:.0f} s were read')
-                    break
-                if reader.count >= first and reader.signal in ('joint_states', _DYNAMIC):
-                    break
-    tracks, in_ampere, noted = _with_effort([
-        track for reader in readers.values() if (track := reader.track()) is not None])
-    notes += noted + [
-        f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
-        f'{_MOST_NAMES} joints' for reader in readers.values() if reader.broken]
-    return Scan(tracks, {topic: (kind, storage.counts[topic])
-                         for topic, kind in storage.kinds.items()},
-                storage.notes + notes, storage.custom, activity.changes, in_ampere)
+    def __init__(self, path: Path, joint: str | None = None, first: float = math.inf) -> None:
+        self.activity: list[Activity] = []
+        readers, begin, notes = dict[str, _Reader](), 0, list[str]()
 
+        def signal(topic: str, kind: str) -> str:
+            # By type and ending of the name; joint states may have any name if it is given.
+            named = kind == TOPICS['joint_states'] and (joint or '').startswith(f'{topic}/')
+            return next((signal for signal, wanted in _TYPES.items()
+                         if kind == wanted and topic.endswith(signal)), 'joint_states' * named)
 
-def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]:
-    """Replace joint states without effort by dynamic ones.
+        with os_errors_name(path, 'cannot be read: '):
+            storage = Storage(path)
+            with closing(storage.messages(lambda topic, kind: kind == _DIAGNOSTICS or bool(
+                    signal(topic, kind)))) as messages:
+                for topic, kind, receive, raw in messages:
+                    begin = begin or receive
+                    if kind == _DIAGNOSTICS:
+                        # A broken message may raise anything.
+                        with suppress(Exception):
+                            _take_report(self.activity, receive, unpack(raw), begin)
+                        continue
+                    reader = readers.get(topic)
+                    if reader is None:
+                        reader = readers[topic] = _Reader(topic, signal(topic, kind))
+                    if reader.add(receive, raw) and reader.numbers > _MOST:
+                        notes.append('the recording is very long: only its first '
+                                     f'{(receive - begin) / NANO:.0f} s were read')
+                        break
+                    if reader.count >= first and reader.signal in ('joint_states', _DYNAMIC):
+                        break
+        self.tracks = [track for reader in readers.values() if (track := reader.track())]
+        self.custom = storage.custom    # custom_data of rosbag2's metadata
+        # Message type and number of messages of each topic.
+        self.topics = {topic: (kind, storage.counts[topic])
+                       for topic, kind in storage.kinds.items()}
+        self.notes = storage.notes + notes + [
+            f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
+            f'{_MOST_NAMES} joints' for reader in readers.values() if reader.broken]
+        self.in_ampere = False  # whether efforts are in A
+        self._use_dynamic()
 
-    Returns the tracks, whether efforts are currents in A, and notes.
-    """
-    def known(track: Track, column: int) -> list[str]:
-        return [name for name, values in track.values.items()
-                if np.isfinite(values[:, column]).any()]
+    def _use_dynamic(self) -> None:
+        """Replace joint states without effort by dynamic ones, if there are any."""
+        def known(track: Track, column: int) -> list[str]:
+            return [name for name, values in track.values.items()
+                    if np.isfinite(values[:, column]).any()]
 
-    usual = [track for track in tracks if track.signal != _DYNAMIC]
-    dynamic = [track for track in tracks if track.signal == _DYNAMIC]
-    if not dynamic or any(known(track, _EFFORT) for track in usual
-                          if track.signal == 'joint_states'):
-        return usual, False, []
-    in_ampere = not any(known(track, _EFFORT) for track in dynamic)
-    kept = [track for track in usual if track.signal != 'joint_states']
-    for track in dynamic:
+        usual, dynamic = ([track for track in self.tracks if (track.signal == _DYNAMIC) == own]
+                          for own in (False, True))
+        self.tracks = usual
+        if not dynamic or any(known(track, _EFFORT) for track in usual
+                              if track.signal == 'joint_states'):
+            return
+        self.in_ampere = not any(known(track, _EFFORT) for track in dynamic)
+        columns = {'joint_states': [0, 1, _CURRENT if self.in_ampere else _EFFORT],
+                   'motor_temperature': [_TEMPERATURE]}
         # Sensors, too, have interfaces.
-        moving = known(track, 0)
-        kept.append(replace(track, signal='joint_states', values={
-            name: track.values[name][:, [0, 1, _CURRENT if in_ampere else _EFFORT]]
-            for name in moving}))
-        if warm := known(track, _TEMPERATURE):
-            kept.append(replace(
-                track, topic=f'{track.topic}, temperature', signal='motor_temperature',
-                values={name: track.values[name][:, [_TEMPERATURE]] for name in warm}))
-    return kept, in_ampere, [f'{dynamic[0].topic} is used, since no joint_states hold an effort']
+        self.tracks = [track for track in usual if track.signal != 'joint_states'] + [
+            replace(track, signal=signal, values={
+                name: track.values[name][:, own] for name in known(track, own[0])})
+            for track in dynamic for signal, own in columns.items() if known(track, own[0])]
+        self.notes.append(f'{dynamic[0].topic} is used, since no joint_states hold an effort')

@@ -155,20 +155,19 @@ class RecordingWriter:
             # A failed sync is reported once by the system.
             self._sync.result()
             os.fsync(self._file.fileno())
-            self._close_file()
+            self._is_open = False
+            self._thread.shutdown()
+            self._file.close()
             self._save_metadata()
 
     def abort(self, keep: bool = False) -> None:
         """Close the file without an index, and delete the recording unless its chunks are kept."""
-        with suppress(OSError):
-            self._close_file()
-        if not keep:
-            shutil.rmtree(self.path, ignore_errors=True)
-
-    def _close_file(self) -> None:
         self._is_open = False
         self._thread.shutdown()
-        self._file.close()
+        with suppress(OSError):
+            self._file.close()
+        if not keep:
+            shutil.rmtree(self.path, ignore_errors=True)
 
     @contextmanager
     def _closed_on_error(self) -> Iterator[None]:
@@ -231,17 +230,18 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
     if not 0.0 <= 1e-9 * start_ns <= last < 2.0 ** 31:
         raise InputError(f'{path}: a time of {last:g} s is beyond the stamps of ROS')
     store = get_typestore(Stores.ROS2_JAZZY)
-    prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
+    prefix = f'/{namespace.strip("/")}'.rstrip('/')
     with new_folder(Path(path)) as draft, RecordingWriter(draft, custom_data) as recording:
-        for stamp, topic, message in _messages(
+        for stamp, topic, fields in _messages(
                 store.types, joints, torque_constant * gear_ratio, start_ns):
+            message = store.types[TOPICS[topic]](*fields)
             recording.write(f'{prefix}/{topic}', TOPICS[topic], stamp,
                             bytes(store.serialize_cdr(message, TOPICS[topic])))
 
 
 def _messages(types: dict[str, Any], joints: list[Samples], torque_per_current: float,
-              start_ns: int) -> Iterator[tuple[int, str, Any]]:
-    """Yield (stamp, topic, message) sample by sample; joint states come last."""
+              start_ns: int) -> Iterator[tuple[int, str, tuple[Any, ...]]]:
+    """Yield stamp, topic and fields of messages, sample by sample; joint states come last."""
     names = [each.joint or f'joint_{k + 1}' for k, each in enumerate(joints)]
 
     def columns(signal: str) -> np.ndarray:
@@ -255,29 +255,26 @@ def _messages(types: dict[str, Any], joints: list[Samples], torque_per_current: 
         return types['std_msgs/msg/Header'](
             types['builtin_interfaces/msg/Time'](*divmod(stamp, NANO)), frame)
 
-    def make(topic: str, *fields: Any) -> tuple[int, str, Any]:
-        return stamp, topic, types[TOPICS[topic]](*fields)
-
     position, velocity, reference, reference_velocity, command, direction = map(columns, (
         'position', 'velocity', 'reference_position', 'reference_velocity', 'command', 'direction'))
     effort, direction = torque_per_current * columns('current'), direction.astype(np.int8)
     vector, wrench = types['geometry_msgs/msg/Vector3'], types['geometry_msgs/msg/Wrench']
-    layout = types['std_msgs/msg/MultiArrayLayout']([], 0)
+    layout, none = types['std_msgs/msg/MultiArrayLayout']([], 0), np.zeros(0)
     for k, time in enumerate(joints[0].time):
         stamp = start_ns + round(float(time) * 1e9)
         # The command, direction and reference that belong to a joint state precede it.
         if np.isfinite(command[k]).any():
-            yield make('current_command', layout, command[k])
+            yield stamp, 'current_command', (layout, command[k])
         # At every change and every tenth sample, similar to the about 100 Hz of a planner.
         if direction.size and (k % 10 == 0 or (direction[k] != direction[k - 1]).any()):
-            yield make('direction', layout, direction[k])
+            yield stamp, 'direction', (layout, direction[k])
         if reference.size:
-            yield make('reference', header(), names, reference[k], reference_velocity[k],
-                       np.zeros(0))
+            yield stamp, 'reference', (
+                header(), names, reference[k], reference_velocity[k], none)
         for name, each in zip(names, joints):
             if each.load is not None:
-                yield make('interaction_wrench', header(name), wrench(
+                yield stamp, 'interaction_wrench', (header(name), wrench(
                     vector(0.0, 0.0, 0.0), vector(0.0, 0.0, float(each.load[k]))))
             if each.temperature is not None and k % 100 == 0:
-                yield make('motor_temperature', header(name), float(each.temperature[k]), 0.0)
-        yield make('joint_states', header(), names, position[k], velocity[k], effort[k])
+                yield stamp, 'motor_temperature', (header(name), float(each.temperature[k]), 0.0)
+        yield stamp, 'joint_states', (header(), names, position[k], velocity[k], effort[k])

@@ -32,8 +32,7 @@ from friction_comp.files import (
     Unpacked,
     write_atomically,
 )
-from friction_comp.tables.columns import read_name
-from friction_comp.tables.units import other_unit, parse_unit
+from friction_comp.tables.columns import other_unit, parse_unit, read_name
 
 Columns = dict[str, np.ndarray]
 TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.h5',

@@ -7,7 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_comp.errors import InputError
-from friction_comp.tables.units import parse_unit, unit_of
+from friction_comp.tables.columns import parse_unit, unit_of
 from friction_comp.terminal import in_own_units, progress
 from friction_comp.tools.common import Arguments, check_tables, given_of, positive, whole_number
 
