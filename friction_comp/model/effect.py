@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from friction_comp.drive import Drive
 from friction_comp.errors import check_interval, InputError, listed, mapping, number
 from friction_comp.samples import Samples
 
@@ -95,7 +94,8 @@ class SearchRange:
     # Size of one unit, for constants searched on a linear scale; without it, it is logarithmic.
     unit: Callable[[Coverage, dict[str, float]], float] | None = None
     # Lowest and highest value; beyond them the effect is another one.
-    limits: Callable[[Coverage, dict[str, float]], tuple[float, float]] | None = None
+    limits: Callable[[Coverage, dict[str, float]], tuple[float, float]] = lambda *_: (
+        -math.inf, math.inf)
 
 
 Tried = Sequence[float] | np.ndarray | Callable[[Coverage], Sequence[float] | np.ndarray]
@@ -163,19 +163,18 @@ class Effect(ABC):
     in_first_model = False
     holds_on_another_day = True     # whether it is expected in other recordings of the drive
     fades_in_sliding = False    # whether it vanishes while the joint slides on, or faster
-    # Whether a sample's value depends on earlier ones: then it has `step`, `start` and `memory`.
-    has_memory = False
+    has_memory = False      # whether it has a `step`: a sample's value depends on earlier ones
     not_fed_back = ''   # why the compensator must not apply it; empty if it may
     live: dict[str, float] = {}     # constants that differ as the compensator applies it
     # Whether it is fed back only in motion: at rest it would move an untouched joint.
     fed_back_in_motion = False
+    is_load = False     # whether it is the measured load, with a coefficient of -1/(k_t·n)
     weight = False      # whether it supports the limb, which the robot's controller may already do
     # Which of `LOADS` its coefficients are; of one that loads the teeth at rest, the span in rad
     # below which the offset of Eq. 6 is part of that load.
     loads: tuple[str, ...] = ()
     offset_within: float | None = None
-    # Whether its constants contain the load of the other effects on the gear.
-    uses_inner_load = False
+    uses_inner_load = False     # whether its constants are the load of other effects, `LOADS`
     # Signals beyond whose recorded range, and this share of it on either side, it is constant; inf
     # for one that is limited only where the effect may be another one, see `with_range`.
     range_margins: dict[str, float] = {}
@@ -183,6 +182,8 @@ class Effect(ABC):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
+        cls.has_memory = cls.step is not Effect.step
+        cls.uses_inner_load = {*LOADS} <= {*cls.constants}
         # Compiled code also reads constants by name, and finds the type by this path.
         cls.Constants = namedtuple('Constants', tuple(cls.constants))  # type: ignore[misc]
         cls.Constants.__module__ = cls.__module__
@@ -230,16 +231,6 @@ class Effect(ABC):
                 for constants in cls.points(view.coverage)]
 
     @classmethod
-    def limited(cls, name: str, value: float, constants: dict[str, float],
-                coverage: Coverage) -> float:
-        """Return a constant's new value, within its limits; see `SearchRange.limits`."""
-        search = cls.constants[name]
-        if search is None or search.limits is None:
-            return value
-        low, high = search.limits(coverage, constants)
-        return min(max(value, low), high)
-
-    @classmethod
     def signs_with(cls, constants: dict[str, float]) -> tuple[int, ...]:
         """Return the physically possible sign of the first coefficients; by default `signs`."""
         return cls.signs
@@ -261,11 +252,6 @@ class Effect(ABC):
         """Return the constants with the loads of other effects, if it `uses_inner_load`."""
         return constants if not cls.uses_inner_load else {**constants, **{
             name: float(sum(share.get(name, 0.0) for share in shares)) for name in LOADS}}
-
-    @classmethod
-    def known_coefficients(cls, drive: Drive) -> list[float] | None:
-        """Return the coefficients that follow from the drive's constants, if any."""
-        return None
 
     @staticmethod
     def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:

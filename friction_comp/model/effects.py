@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.drive import Drive
 from friction_comp.model.effect import (
     CARRIES,
     Coverage,
@@ -233,6 +232,7 @@ class LoadTorque(Effect):
     """``A·τ_b``: the current that the measured torque saves the motor; by mechanics -1/(k_t·n)."""
 
     name = 'load_torque'
+    is_load = True
     units = ('A/(N·m)',)
     variable = 'load'
     role = NEITHER
@@ -244,10 +244,6 @@ class LoadTorque(Effect):
     summary = 'Load: {A:+.4g} A per N·m of measured back-driving torque'
     equation = '{A:+.5g}·τ_b'
     columns = staticmethod(lambda x, c: (x.load,))
-
-    @classmethod
-    def known_coefficients(cls, drive: Drive) -> list[float]:
-        return [-1.0 / drive.torque_per_current]
 
 
 class LoadFriction(Effect):
@@ -293,7 +289,6 @@ class InnerLoadFriction(Effect):
     name = 'inner_load_friction'
     units = ('A per A',)
     variable = 'load'
-    uses_inner_load = True
     max_count = 2
     signs = (1,)
     # Without fading, its speed is not searched.
@@ -538,7 +533,6 @@ class Hysteresis(Effect):
         0.15 * _range(coverage), 12), 'exponent': (1.0,)}
     shown_by = (lambda coverage: coverage.reversals >= 3 and not too_coarse(coverage),)
     signs = (1,)
-    has_memory = True
     fed_back_in_motion = True
     summary = ('Hysteresis: {A:.3g} A of friction reverse over {distance:.3g} rad after a '
                'reversal')
@@ -577,7 +571,6 @@ class Backlash(Effect):
         'transition': None}
     shown_by = Hysteresis.shown_by
     signs = (1,)
-    has_memory = True
     fed_back_in_motion = True
     summary = ('Backlash: {A:.3g} A of friction are absent over {gap:.3g} rad after a reversal, '
                'and return over {distance:.3g} rad')
@@ -621,7 +614,6 @@ class RestTime(Effect):
         'distance': lambda coverage: np.geomspace(2e-3 * coverage.span, 0.2 * coverage.span, 5)}
     shown_by = (lambda coverage: coverage.rest_duration >= 1.0,)
     signs = (1,)
-    has_memory = True
     summary = ('Rest time: up to {A:+.3g} A more friction after resting (time constant '
                '{time_constant:.2g} s), lost over {distance:.2g} rad')
     equation = '{A:+.5g}·tanh(v/{transition:.5g})·r'

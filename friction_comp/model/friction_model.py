@@ -217,8 +217,7 @@ class FrictionModel:
         Motor and person overcome friction together: a recorded load's share ``τ_b/(k_t·n)`` is
         added, beyond that in what was fitted, unless an effect of the load torque describes it.
         """
-        if samples.load is None or any(
-                effect.known_coefficients(self.drive) is not None for effect in self.effects):
+        if samples.load is None or any(effect.is_load for effect in self.effects):
             return samples.current
         load = samples.load - (self.recorded.load if self.recorded else 0.0)
         return samples.current + np.nan_to_num(load) / self.drive.torque_per_current

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.drive import Drive
 from friction_comp.facts.motion import STANDSTILL, velocity_agreement
 from friction_comp.facts.recorded import lost_rows
 from friction_comp.model.effect import RESISTS, segment_starts, too_coarse
@@ -267,8 +266,7 @@ def _findings_on_signs(fit: Fit) -> Iterator[Finding]:
         if term.group:
             continue
         own = [values[column] for column in fit.table.columns_of[term]]
-        known = term.kind.known_coefficients(Drive(1.0, 1.0))
-        if known is not None and known[0] * own[0] < 0.0:
+        if term.kind.is_load and own[0] > 0.0:
             yield Finding(
                 'wrong_sign', f'The current grows with the load, {own[0]:.3g} A per N·m: one of '
                 'them has the wrong sign. The load is the torque that moves the joint from '

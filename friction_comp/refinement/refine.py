@@ -302,12 +302,11 @@ def is_known_load(problem: Problem, fit: Fit, term: Term) -> bool:
 
     `FrictionModel.measured` includes that load for every model: this one does not lack it.
     """
-    known_coefficients = term.kind.known_coefficients(problem.drive)
-    if known_coefficients is None or problem.model is None:
+    if not term.kind.is_load or problem.model is None:
         return False
     column, = fit.table.columns_of[term]
     coefficient = fit.table.coefficients(fit.terms)[column]
-    return abs(coefficient / known_coefficients[0] - 1.0) < _SAME_LOAD
+    return abs(coefficient * problem.drive.torque_per_current + 1.0) < _SAME_LOAD
 
 
 def _found_effect(fit: Fit, bounds: Intervals, terms: Sequence[Term], error: float, unit: str

@@ -289,8 +289,8 @@ def with_step(term: Term, name: str, step: float, coverage: Coverage) -> Term:
         value *= search.width ** step
     else:
         value += step_size(term, name, coverage) * step
-    value = term.kind.limited(name, float(value), term.constants, coverage)
-    return replace(term, constants={**term.constants, name: value})
+    low, high = search.limits(coverage, term.constants)
+    return replace(term, constants={**term.constants, name: min(max(float(value), low), high)})
 
 
 def free_constants(terms: Sequence[Term]) -> list[tuple[int, str]]:
@@ -475,7 +475,7 @@ def search_with(problem: Problem, settings: dict[str, Any] | None = None,
     table = Table(rows, start.steepness, start.shift)
     # A load that is already part of the target cannot be an effect as well.
     effects = [effect for effect in model.effects if not (
-        rows.load_coefficient and effect.known_coefficients(problem.drive))] if model else []
+        rows.load_coefficient and effect.is_load)] if model else []
     for effect in effects:
         effect.check_signals(rows.samples)
     initial = table.add([Term(type(effect), dict(effect.values)) for effect in effects])
