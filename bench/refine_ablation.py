@@ -53,7 +53,7 @@ def measured(data, joint, how):
         part.time, part.current, result.model.predict(part)]) for part in parts])
     report = result.report
     return {'error': score_error(how, table), 'asked': 0, 'found': 0, 'false': 0,
-            'ratio': moving_error(result.model, parts) / report.after.elsewhere_motion_rmse,
+            'ratio': moving_error(result.model, parts, how) / report.after.elsewhere_motion_rmse,
             'codes': sorted({one.code for one in report.findings if one.grade != 'trust'})}
 
 

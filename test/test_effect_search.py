@@ -17,7 +17,7 @@ from friction_comp.refinement import refine
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.intervals import intervals
-from friction_comp.refinement.prepare import prepare
+from friction_comp.refinement.prepare import prepare, Problem
 from friction_comp.refinement.search import adjust_constants, Fit, Search
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
@@ -28,8 +28,8 @@ SEED, BLOCKS = st.integers(0, 2 ** 31), st.integers(2, 9)
 
 
 def table_of(samples, extra=0.0):
-    rows, _ = prepare(samples.with_(current=samples.current + extra), Drive(1.0, 1.0), RAW)
-    return Table(rows, 200.0)
+    problem = Problem(samples.with_(current=samples.current + extra), Drive(1.0, 1.0))
+    return Table(prepare(problem, RAW), 200.0)
 
 
 def test_a_search_names_what_is_there_and_no_more():

@@ -12,7 +12,7 @@ from friction_comp import refine
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.recordings import read_recording, read_recording_with_info, scan, write_samples
-from friction_comp.refinement.prepare import clipped, join, prepare
+from friction_comp.refinement.prepare import clipped, join
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -46,7 +46,7 @@ UNSEEN = {'velocity': None, 'acceleration': None}
     ({'time': np.zeros(4000)}, 'time stamps')])
 def test_a_recording_that_shows_no_friction_is_refused_in_one_line(change, words):
     with pytest.raises(InputError, match=words) as caught:
-        prepare(join([swings(1).with_(**change)]), DRIVE)
+        refine([swings(1).with_(**change)], drive=DRIVE)
     assert '\n' not in str(caught.value)
 
 

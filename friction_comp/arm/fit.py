@@ -53,9 +53,8 @@ from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import signs_of, Term
 from friction_comp.refinement.prepare import (
     candidate_settings,
-    clipped,
     coverage_of,
-    load_coefficient,
+    Problem,
     standstill_speed,
     TRANSITIONS,
 )
@@ -614,7 +613,7 @@ def _with_arm(result: RefineResult, arm: Arm) -> RefineResult:
 
 def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
     """Return samples with the torque of a person who carries the links added to the current."""
-    share = load_coefficient(samples, clipped(samples.current), drive)
+    share = Problem(samples, drive).load_coefficient
     if not share:
         return samples
     return samples.with_(load=None, current=(

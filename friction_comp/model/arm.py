@@ -301,23 +301,6 @@ def groups_for(names: Sequence[str], joint: str) -> list[Group]:
     return groups
 
 
-def neighbourhood(names: Sequence[str], joint: str) -> list[Group]:
-    """Return the groups of a joint and its neighbours, and the weight of the links behind it.
-
-    Where an arm swings freely, weight and inertia cancel, so that they are tried together.
-    """
-    index = list(names).index(joint)
-    neighbours = set(names[max(0, index - 1):index + 2])
-
-    def is_weight_of_link(group: Group) -> bool:
-        """Return whether a group is the weight of a link at the summed angle of adjacent joints."""
-        indices = sorted(list(names).index(name) for name, _ in group.angles)
-        return (group.kind == 'weight' and all(side > 0 for _, side in group.angles)
-                and indices[-1] - indices[0] == len(indices) - 1)
-    return [group for group in groups_for(tuple(names), joint)
-            if group.all_joints <= neighbours or is_weight_of_link(group)]
-
-
 def moving_states(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
                   ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return position, velocity and acceleration of J joints, each (N, J), in rad and s.

@@ -87,13 +87,16 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         velocity[part] = speed
         acceleration[part] = _derivative(
             speed, time, smooth=source == 'velocity' and not _in_counts(measured[part]))
-    measured_signals = {
-        name: prepared_signal(samples, getattr(samples, name), **own)
-        for name, own in (settings.get('signals') or {}).items()
-        if getattr(samples, name) is not None}
-    return advance(samples.with_(
-        time=time_in_recording(samples), velocity=velocity, acceleration=acceleration,
-        **measured_signals), settings.get('lag') or 0.0)
+    return with_signals(samples.with_(
+        time=time_in_recording(samples), velocity=velocity, acceleration=acceleration), settings)
+
+
+def with_signals(samples: Samples, settings: dict[str, Any]) -> Samples:
+    """Return samples of known motion with signals and lag by settings of `differentiate`."""
+    prepared = {name: prepared_signal(samples, getattr(samples, name), **own)
+                for name, own in (settings.get('signals') or {}).items()
+                if getattr(samples, name) is not None}
+    return advance(samples.with_(**prepared), settings.get('lag') or 0.0)
 
 
 def prepared_signal(samples: Samples, values: np.ndarray, bandwidth: float | None = None

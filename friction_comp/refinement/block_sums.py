@@ -55,35 +55,30 @@ class BlockSums:
         inner = np.array([*columns, -1])
         return BlockSums(self.gram[:, inner[:, None], inner], self.rows, self.signs[inner[:-1]])
 
-    def merged(self, fold: np.ndarray) -> BlockSums:
-        """Return the sums over all blocks of each fold, whose index each block has, shape (K,)."""
-        own = fold == np.arange(int(fold.max()) + 1)[:, None]
-        gram = np.tensordot(own.astype(float), self.gram, 1)
-        return BlockSums(gram, np.bincount(fold, self.rows).astype(int), self.signs)
-
     def errors_by_size(self, columns: Sequence[int]) -> np.ndarray:
         """Return the squared error of each block where it is left out with others, (L, K).
 
         A half of the blocks is left out at a time, a quarter, and so on to each by itself.
         """
-        own, count, block = self.part(columns), len(self.rows), np.arange(len(self.rows))
+        count = len(self.rows)
         sizes = [2 ** level for level in range(1, max(count - 1, 1).bit_length() + 1)]
-        folds = [block * min(size, count) // count for size in sizes]
-        total, parts = own.gram.sum(axis=0), [own.merged(fold) for fold in folds]
-        fits = solve(total - np.concatenate([part.gram for part in parts]), own.norms, own.signs)
-        first = np.cumsum([0, *(len(part.rows) for part in parts)])
-        return np.array([squared_errors(own.gram, fits[start + fold])
-                         for start, fold in zip(first, folds)])
+        return self._left_out(columns, [
+            np.arange(count) * min(size, count) // count for size in sizes])
 
     def held_out_errors(self, columns: Sequence[int], fold: np.ndarray | None = None) -> np.ndarray:
         """Return the squared error of each block by the fit to all blocks of other folds.
 
         Blocks of the same `fold`, shape (K,), are left out together; each by itself when omitted.
         """
-        own, every = self.part(columns), np.arange(len(self.rows))
-        left_out = own if fold is None else own.merged(fold)
-        fits = solve(own.gram.sum(axis=0) - left_out.gram, own.norms, own.signs)
-        return squared_errors(own.gram, fits[every if fold is None else fold])
+        return self._left_out(columns, [np.arange(len(self.rows)) if fold is None else fold])[0]
+
+    def _left_out(self, columns: Sequence[int], folds: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the squared error of each block, (L, K), for several `folds`, each (K,)."""
+        own, every = self.part(columns), [np.eye(int(fold.max()) + 1)[fold].T for fold in folds]
+        fits = self.fits(columns, 1.0 - np.concatenate(every))
+        first = np.cumsum([0, *map(len, every)])
+        return np.array([squared_errors(own.gram, fits[start + fold])
+                         for start, fold in zip(first, folds)])
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the coefficients, shape (F, S), of fits to blocks with weights, shape (F, K)."""

@@ -95,21 +95,25 @@ class Table:
         self.columns_of: dict[Term, list[int]] = {}  # indices of the columns of each term added
         self.sums = BlockSums.over(self.target[None], rows.block)
         self.columns = np.empty((0, len(self.target)))
-        self._unused: list[int] = []  # indices of columns that no term has
-        self._set(self._places(EQ6_COLUMNS), self._base(steepness, shift), _EQ6_SIGNS)
+        self._set(self._grown(EQ6_COLUMNS), self._base(steepness, shift), _EQ6_SIGNS)
 
     def _base(self, steepness: float, shift: float) -> np.ndarray:
         return self.rows.averaged(eq6_columns(self.rows, steepness, shift)).T
 
-    def part(self, terms: Sequence[Term]) -> Table:
+    def part(self, terms: Container[Term]) -> Table:
         """Return a table of some of the terms alone, in which others are tried for less."""
-        part, columns, size = copy.copy(self), self.indices(terms), EQ6_COLUMNS
-        part.sums, part.columns = self.sums.part(columns), self.columns[columns]
-        part.columns_of, part._unused = {}, []
-        for term in terms:
-            part.columns_of[term] = [size + k for k in range(len(self.columns_of[term]))]
-            size += len(self.columns_of[term])
+        part = copy.copy(self)
+        part.keep(terms)
         return part
+
+    def keep(self, terms: Container[Term]) -> None:
+        """Remove all other terms."""
+        kept, size = [term for term in self.columns_of if term in terms], EQ6_COLUMNS
+        columns = self.indices(kept)
+        self.sums, self.columns = self.sums.part(columns), self.columns[columns]
+        counts, self.columns_of = [len(self.columns_of[term]) for term in kept], {}
+        for term, count in zip(kept, counts):
+            self.columns_of[term], size = list(range(size, size + count)), size + count
 
     def add(self, terms: Sequence[Term], part: Table | None = None) -> list[Term]:
         """Add terms, whose columns a part of the table may have; return the finite ones."""
@@ -121,7 +125,7 @@ class Table:
                 if np.isfinite(columns).all():
                     fresh[term] = columns
         if fresh:
-            places = self._places(sum(map(len, fresh.values())))
+            places = self._grown(sum(map(len, fresh.values())))
             signs = [sign for term, columns in fresh.items() for sign in signs_of(
                 term, len(columns))]
             self._set(places, np.concatenate(list(fresh.values())), signs)
@@ -129,24 +133,15 @@ class Table:
                 self.columns_of[term], places = places[:len(columns)], places[len(columns):]
         return [term for term in terms if term in self.columns_of]
 
-    def keep(self, terms: Container[Term]) -> None:
-        """Remove all other terms."""
-        for term in [term for term in self.columns_of if term not in terms]:
-            self._unused += self.columns_of.pop(term)
-
-    def _places(self, count: int) -> list[int]:
-        """Return the indices of columns that no term has; columns are added if they are too few."""
-        size, more = len(self.columns), count - len(self._unused)
-        if more > 0:
-            self._unused += range(size, size + more)
-            self.columns = np.vstack((self.columns, np.zeros((more, len(self.target)))))
-            old, known = self.sums, self.sums.gram
-            gram = np.zeros((len(known), size + more + 1, size + more + 1))
-            gram[:, :size, :size], gram[:, -1, -1] = known[:, :size, :size], known[:, -1, -1]
-            gram[:, :size, -1] = gram[:, -1, :size] = known[:, :size, -1]
-            self.sums = BlockSums(gram, old.rows, np.append(old.signs, [0] * more).astype(int))
-        places, self._unused = self._unused[:count], self._unused[count:]
-        return places
+    def _grown(self, count: int) -> list[int]:
+        """Append columns of zeros, and return their indices."""
+        size, old = len(self.columns), self.sums
+        gram = old.gram
+        self.columns = np.vstack((self.columns, np.zeros((count, len(self.target)))))
+        for axis in (1, 2):
+            gram = np.insert(gram, [size] * count, 0.0, axis)
+        self.sums = BlockSums(gram, old.rows, np.append(old.signs, [0] * count).astype(int))
+        return list(range(size, size + count))
 
     def _set(self, places: Sequence[int], columns: np.ndarray, signs: Sequence[int]) -> None:
         """Replace some columns, and their sums of products with all others and the target."""

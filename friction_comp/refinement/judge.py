@@ -10,11 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-import functools
 from itertools import combinations
 import math
 import re
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +23,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums, rank_correlation, repeats
-from friction_comp.refinement.effect_columns import Table
+from friction_comp.refinement.effect_columns import first_model, Table
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import (
     AGAIN,
@@ -38,7 +36,7 @@ from friction_comp.refinement.result import (
     TRUST,
     Verdict,
 )
-from friction_comp.refinement.search import Fit, Search, starts_of
+from friction_comp.refinement.search import Fit, Search
 from friction_comp.samples import Samples
 from friction_comp.statistics import quantile_edges, rms, robust_std, smallest_step
 
@@ -134,16 +132,17 @@ def ambiguities(fit: Fit) -> list[Question]:
     return list(entries.values())
 
 
-def friction_would_push(rows: Rows) -> str:
+def friction_would_push(fit: Fit) -> str:
     """Return 'pushes' if friction would have to push to explain the current, or 'turned'; or ''.
 
-    It would where Eq. 6 and the terms with which a search begins predict much better with any signs
-    than with those that physics requires. If these predict the reversed current clearly better, and
-    any signs no better than that, the current is turned round.
+    It would where Eq. 6, the terms with which a search begins and those of other joints predict
+    much better with any signs than with those that physics requires. If these predict the reversed
+    current clearly better, and any signs no better than that, the current is turned round.
     """
-    table = Table(rows, 2.0 / rows.coverage.transition)
+    table = Table(fit.rows, 2.0 / fit.rows.coverage.transition)
     search = Search(table)
-    terms = search.without_collinear(starts_of(table)[-1])
+    terms = search.without_collinear(table.add([
+        *first_model(table), *(term for term in fit.terms if term.group)]))
     sums = table.sums.part(table.indices(terms))
     turned = sums.gram.copy()
     turned[:, -1, :-1] *= -1.0
@@ -251,7 +250,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
 
 
 def _findings_on_signs(fit: Fit) -> Iterator[Finding]:
-    code = friction_would_push(fit.rows)
+    code = friction_would_push(fit)
     # Without friction, nothing tells the sign of a current.
     if code == 'pushes' or (code and friction_shows(fit)):
         yield Finding(
@@ -474,34 +473,19 @@ CODES = {
     'impossible': 'a number that no drive has', 'not_known': 'what does not show'}
 """Codes of all findings, each with what it says."""
 
-_EXPERIMENTS = {
-    ('temperature', 'time'):
-        'record the motor once warm from the start, or cool it while it keeps moving',
-    ('acceleration', 'history'):
-        'record movements of the same speed with several different accelerations, and reversals',
-    ('acceleration', 'position'):
-        'record the same positions at several accelerations, such as two different tempos',
-    ('position', 'velocity'):
-        'record the same positions at several speeds and in both directions',
-    ('position', 'position'):
-        'move over a wider range, at a slow constant speed and in both directions',
-    ('history', 'velocity'):
-        'record slow constant speeds that last, and reversals without a rest',
-    ('velocity', 'velocity'): 'record more constant speeds, slow ones among them',
-    ('position', 'time'): 'record the same positions early and late, several times over',
-    ('time', 'velocity'): 'record the same speeds early and late, in another order',
-    ('acceleration', 'time'): 'record the same tempos early and late, in another order',
-    ('temperature', 'velocity'): 'record the same speeds cold and warm',
-    ('direction', 'velocity'): 'record the same speeds in both directions'}
+# How each variable is made to change.
+_VARIED = {
+    'acceleration': 'several tempos', 'direction': 'both directions', 'history': 'reversals, and '
+    'constant speeds that last', 'load': 'several loads, and none', 'position': 'a wider range of '
+    'positions', 'temperature': 'a cold and a warm motor', 'time': 'the same early and late',
+    'velocity': 'several constant speeds, slow ones among them'}
 
 
 def experiment(first: str, second: str) -> str:
     """Return the recording that would distinguish two variables."""
-    known = _EXPERIMENTS.get((min(first, second), max(first, second)))
-    if first == second:
-        return known or f'record a wider range of {first}'
-    return known or (f'record motion in which {first} changes while {second} does not, and the '
-                     'other way round')
+    varied = [_VARIED.get(name, f'a wider range of {name}') for name in dict.fromkeys(
+        (first, second))]
+    return f'record {", and ".join(varied)}' + ', each by itself' * (len(varied) > 1)
 
 
 def verdict_of(findings: Iterable[Finding], unit: str = 'A') -> Verdict:
@@ -523,13 +507,12 @@ def in_unit(text: str, unit: str) -> str:
     return text if unit == 'A' else re.sub(r'(?<=\d) A\b', f' {unit}', text)
 
 
-_FLIPS, _FEW_FLIPS, _CHANCE = 1500, 50, 0.001
-# Errors beyond so many standard deviations are clipped.
-_OUTLYING = 8.0
-_SINGLE = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
-           'load': 12, 'temperature': 10}
-# Ranges of each of two variables.
-_OF_PAIR = 8
+# Errors beyond so many standard deviations are clipped; a share of so many standard errors is no
+# chance.
+_OUTLYING, _CERTAIN = 8.0, 3.0
+# Ranges of each variable, and of each of two.
+_RANGES, _OF_PAIR = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
+                     'load': 12, 'temperature': 10}, 8
 _FEWEST_BLOCKS, _MOST_BLOCKS = 20, 400
 
 
@@ -539,135 +522,87 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
 
     Each dependence is subtracted before the next is searched for, so that a variable is reported
     only if it explains a part that others do not; then pairs of variables are tried. The samples
-    are in motion; `slowest` is the speed of standstill, rad/s.
+    are in motion and in order of time; `slowest` is the speed of standstill, rad/s.
     """
     limit = _OUTLYING * float(robust_std(residual)) + 1e-300
     values = np.clip(residual, -limit, limit)
     values = values - values.mean()
     power = float(values @ values)
-    signals = _signals(samples, slowest)
-    side = (np.asarray(samples.velocity) > 0).astype(int)
-    dependences: list[Dependence] = []
-    if not power > 0.0:
-        return dependences
-    cells = {name: _cells(name, signals, side) for name in _SINGLE if name in signals}
-    while cells:
-        block, known_memory = _blocks(values)
-        share = float(values @ values) / power
-        strength, name = max((explained_share(values, cell, block), name)
-                             for name, cell in cells.items())
-        slow = not known_memory and 'time' in cells and (
-            name == 'time' or strength * share < thresholds.LEAST_STRENGTH)
-        if slow:
-            # By chance, whatever varies as slowly explains it, so that its cause stays open; that
-            # it is no noise does not.
-            strength, name = share_of_means(values, cells['time']), 'time'
-        if strength * share < thresholds.LEAST_STRENGTH:
-            break
-        dependences.append(_dependence(name, strength * share, values, name, slow))
-        cell = cells.pop(name)
-        mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
-        values = values - mean[cell]
-    share = float(values @ values) / power
-    pair, strength = _strongest_pair(values, signals, side)
-    if strength * share > 2.0 * thresholds.LEAST_STRENGTH:
-        known = {item.variable for item in dependences}
-        dependences += [_dependence(name, strength * share, values, ' and '.join(pair))
-                        for name in pair if name not in known]
-    return sorted(dependences, key=lambda item: -item.strength)
+    found: dict[str, Dependence] = {}
+    singles, pairs = _cells(samples, slowest) if power > 0.0 else ({}, {})
+    for cells, least in ((singles, thresholds.LEAST_STRENGTH),
+                         (pairs, 2.0 * thresholds.LEAST_STRENGTH)):
+        while cells:
+            block = _blocks(values)
+            gain, names = max((gain_by(values, cell, block), names)
+                              for names, cell in cells.items())
+            if gain < least * power:
+                break
+            size = math.sqrt(gain / len(values))
+            for name in names:
+                found.setdefault(name, Dependence(
+                    name, gain / power, f'about {size:.2g} A RMS of the remaining error depend on '
+                    f'{" and ".join(names)}, in a way that no effect of the package describes'))
+            cell = cells.pop(names)
+            values = values - (np.bincount(cell, values) / np.maximum(np.bincount(cell), 1))[cell]
+    return sorted(found.values(), key=lambda item: -item.strength)
 
 
-@functools.lru_cache(maxsize=1)
-def _signs(blocks: int) -> np.ndarray:
-    """Return the signs of blocks in each of the random flips, shape (_FLIPS, B)."""
-    return np.random.default_rng(0).integers(0, 2, size=(_FLIPS, blocks)) * 2.0 - 1.0
+def gain_by(values: np.ndarray, cells: np.ndarray, block: np.ndarray) -> float:
+    """Return by how much the means of cells lower the sum of squares; 0 if it may be chance.
 
-
-def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray) -> float:
-    """Return the share of a residual's variance that cells explain; 0 if it may be chance.
-
-    `cells` and `block`, shape (N,), are the indices of each sample's cell and block. Blocks are
-    longer than the correlation time, so that without a dependence their signs are independent.
+    `cells` and `block`, shape (N,), are the indices of each value's cell and block. Each block is
+    predicted by the means of all others.
     """
-    count, rows = int(cells.max()) + 1, int(block.max()) + 1
-    table = np.bincount(block * count + cells, residual, minlength=rows * count
-                        ).reshape(rows, count)
-    weight = 1.0 / np.maximum(np.bincount(cells, minlength=count), 1)
-    power = float(residual @ residual)
-    explained = float(weight @ np.sum(table, axis=0) ** 2) / power
-    # What is due to chance shows in a few flips.
-    for flips in (_FEW_FLIPS, _FLIPS):
-        by_chance = (_signs(rows)[:flips] @ table) ** 2 @ weight / power
-        if float(np.sum(by_chance >= explained)) + 1.0 > _CHANCE * (_FLIPS + 1.0):
-            return 0.0
-    # A strong dependence is in the flipped table, too, so that the strength is underestimated.
-    expected = min(float(np.mean(by_chance)), 0.999)
-    return (explained - expected) / (1.0 - expected)
+    count, parts = int(cells.max()) + 1, int(block.max()) + 1
+    total, number = (np.bincount(block * count + cells, weight, count * parts).reshape(parts, count)
+                     for weight in (values, None))
+    means = (total.sum(axis=0) - total) / np.maximum(number.sum(axis=0) - number, 1)
+    gains = np.sum(means * (2.0 * total - number * means), axis=1)
+    gain = float(gains.sum())
+    return gain if gain > _CERTAIN * math.sqrt(parts) * float(np.std(gains)) else 0.0
 
 
-def _signals(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
-    signals: dict[str, Any] = {name: getattr(samples, name) for name in (
-        'velocity', 'position', 'acceleration', 'time', 'load', 'temperature')}
-    velocity = np.asarray(samples.velocity)
+Cells = dict[tuple[str, ...], np.ndarray]
+
+
+def _cells(samples: Samples, slowest: float) -> tuple[Cells, Cells]:
+    """Return by variable, and by two of them, the cell of each sample.
+
+    Directions have their own, or signs cancel.
+    """
+    velocity, signals = np.asarray(samples.velocity), {}
+    cells: Cells = {}
+    side = (velocity > 0).astype(int)
     moving = np.where(np.abs(velocity) > slowest, np.sign(velocity), 0.0)
     start = segment_starts(samples) | (np.diff(moving, prepend=moving[:1]) != 0)
     first = np.maximum.accumulate(np.where(start, np.arange(len(samples)), 0))
-    # Distance since the motion last changed direction or stood still.
-    signals['history'] = np.abs(samples.position - samples.position[first])
-    return {name: values for name, values in signals.items() if values is not None}
+    for name, count in _RANGES.items():
+        # Distance since the motion last changed direction or stood still.
+        values = np.abs(samples.position - samples.position[first]) if name == 'history' else (
+            getattr(samples, name))
+        if values is None:
+            continue
+        tails = (0.003, 0.01, 0.03) if name in ('velocity', 'acceleration') else ()
+        cell = _ranges(values, count, tails)
+        if name == 'position':
+            # A ripple's phase changes with the speed.
+            cell = 3 * cell + _ranges(np.abs(velocity), 3)
+        cells[name,] = cell if tails else 2 * cell + side
+        if name != 'history':
+            signals[name] = _ranges(values, _OF_PAIR)
+    return cells, {names: 2 * (_OF_PAIR * signals[names[0]] + signals[names[1]]) + side
+                   for names in combinations(signals, 2)}
 
 
-def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.ndarray:
-    """Return the cell of each sample; directions have separate cells, or signs might cancel."""
-    tails = (0.003, 0.01, 0.03) if name in ('velocity', 'acceleration') else ()
-    cell = _ranges(signals[name], _SINGLE[name], tails)
-    if name == 'velocity':
-        return cell
-    if name == 'position':
-        # A ripple's phase changes with the speed.
-        cell = 3 * cell + _ranges(np.abs(signals['velocity']), 3)
-    return cell if name == 'acceleration' else 2 * cell + side
-
-
-def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray
-                    ) -> tuple[tuple[str, ...], float]:
-    """Return the two variables that together explain most, and the share that they explain."""
-    ranges = {name: _ranges(signals[name], _OF_PAIR) for name in _SINGLE
-              if name in signals and name != 'history'}
-    block, _ = _blocks(values)
-    best: tuple[float, tuple[str, ...]] = (0.0, ())
-    for names in combinations(ranges, 2):
-        cell = 2 * (_OF_PAIR * ranges[names[0]] + ranges[names[1]]) + side
-        cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
-        best = max(best, (explained_share(values, cell, block), names))
-    return best[1], best[0]
-
-
-def share_of_means(values: np.ndarray, cells: np.ndarray) -> float:
-    """Return the share of a residual's power in the means of its cells."""
-    total = np.bincount(cells, values)
-    return float(total ** 2 @ (1.0 / np.maximum(np.bincount(cells), 1)) / (values @ values))
-
-
-def _blocks(values: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Return the block of each value, shape (N,), and whether blocks outlast the correlation."""
+def _blocks(values: np.ndarray) -> np.ndarray:
+    """Return the block of each value, shape (N,): blocks are longer than the correlation."""
     size = len(values)
     padded = 1 << (2 * size - 1).bit_length()
     correlation = np.fft.irfft(np.abs(np.fft.rfft(values, padded)) ** 2)[:max(2, size // 10)]
-    below = np.nonzero(correlation < 0.2 * correlation[0])[0]
-    memory = int(below[0]) if below.size else size // 10
-    longest = size // _FEWEST_BLOCKS
-    length = max(2 * memory, size // _MOST_BLOCKS)
-    return np.arange(size) // max(2, min(length, longest)), memory <= longest
-
-
-def _dependence(name: str, strength: float, values: np.ndarray, label: str, slow: bool = False
-                ) -> Dependence:
-    """Return the dependence on a variable; `label` names it, or a pair, in the note."""
-    size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
-    how = ('change so slowly that the recording is too short to tell with what' if slow else
-           f'depend on {label}, in a way that no effect of the package describes')
-    return Dependence(name, strength, f'about {size:.2g} A RMS of the remaining error {how}')
+    memory = int(np.argmax(correlation < 0.2 * correlation[0])) or size // 10
+    length = max(2, min(max(2 * memory, size // _MOST_BLOCKS), size // _FEWEST_BLOCKS))
+    return np.arange(size) // length
 
 
 def _ranges(values: np.ndarray, count: int, tails: tuple[float, ...] = ()) -> np.ndarray:

@@ -9,7 +9,7 @@ All are chosen by how well a plain drive predicts regimes that were not fitted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 import functools
 import math
@@ -24,9 +24,9 @@ from friction_comp.model.arm import moving_states
 from friction_comp.model.differentiation import (
     differentiate,
     filters,
-    MEASURED,
     METHOD,
     prepared_signal,
+    with_signals,
 )
 from friction_comp.model.effect import Coverage
 from friction_comp.model.friction_model import FrictionModel
@@ -40,13 +40,12 @@ _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 _SIGNAL_BANDWIDTHS = (0.03, 0.1, 0.3, 1.0, 2.5, 5.0, 7.0, 10.0, 15.0, *_BANDWIDTHS[2:])
 # Widest bandwidth of a filter as a share of the rate.
 _WIDEST = 0.3
-_EXCERPT = 150_000
 # Samples of noise that stand for an encoder's steps.
-_PIECE = 2000
+_COUNTED = 2000
 # Shares of the top speed over which friction may change sign.
 TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
-# Share of the top speed above which a smooth velocity is right.
-_FAST = 0.1
+# Share of the top speed above which a smooth velocity is right, and the most rows with it.
+_FAST, _SMOOTH_ROWS = 0.1, 12000
 
 
 def plain_columns(samples: Samples, transitions: Sequence[float] = (),
@@ -96,7 +95,7 @@ def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
     at constant speeds, a velocity in whole counts does not change, as it does in other motion.
     """
     choices = candidate_settings(samples, samples.velocity)
-    piece = samples.take(np.arange(min(len(samples), _PIECE)))
+    piece = samples.take(np.arange(min(len(samples), _COUNTED)))
     random = np.random.default_rng(0).random(len(piece))
     steps = {'position': piece.with_(position=samples.position_step * random)}
     if samples.velocity is not None:
@@ -108,17 +107,6 @@ def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
     most = thresholds.ENCODER_STEPS * acceleration(samples, choices[0])
     return [choice for choice in choices if choice is choices[0]
             or acceleration(steps[choice['source']], choice) <= most]
-
-
-def excerpt(samples: Samples, mask: np.ndarray) -> tuple[Samples, np.ndarray]:
-    """Return at most `_EXCERPT` samples in pieces from everywhere, and their part of the mask."""
-    size, pieces = len(samples), 15
-    if size <= _EXCERPT:
-        return samples, mask
-    length = _EXCERPT // pieces
-    starts = np.linspace(0, size - length, pieces).astype(int)
-    keep = np.concatenate([np.arange(start, start + length) for start in starts])
-    return samples.take(keep), mask[keep]
 
 
 def standstill_speed(samples: Samples) -> float:
@@ -211,161 +199,217 @@ def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
     return np.concatenate(starts) if starts else np.empty(0, dtype=int)
 
 
-def smooth_settings(samples: Samples) -> dict[str, Any]:
-    """Return the settings of the widest filter without an encoder's steps."""
-    choices, most = resolved_settings(samples), min(20.0, _WIDEST / samples.sample_time)
-    return max((choice for choice in choices if choice['bandwidth'] <= most),
-               key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
+@dataclass(frozen=True)
+class Problem:
+    """The input of refinement, and what is known of it before velocity and acceleration are."""
+
+    raw: Samples  # all recordings
+    drive: Drive
+    declared: bool = True  # whether torque constant and gear ratio are known
+    model: FrictionModel | None = None  # the initial one
+    linear: bool = False  # whether positions are in m
+
+    @functools.cached_property
+    def choices(self) -> list[dict[str, Any]]:
+        """The differentiation settings to compare."""
+        return resolved_settings(self.raw)
+
+    @functools.cached_property
+    def smooth(self) -> dict[str, Any]:
+        """The settings of the widest filter without an encoder's steps."""
+        most = min(20.0, _WIDEST / self.raw.sample_time)
+        return max((choice for choice in self.choices if choice['bandwidth'] <= most),
+                   key=lambda choice: (choice['bandwidth'], choice['source']),
+                   default=self.choices[-1])
+
+    @functools.cached_property
+    def _motions(self) -> dict[tuple[Any, ...], Samples]:
+        return {}
+
+    def moved(self, settings: dict[str, Any]) -> Samples:
+        """Return the recordings as `differentiate` does, which are asked for again and again."""
+        plain = {name: settings[name] for name in ('method', 'source', 'bandwidth')}
+        known, key = self._motions, tuple(plain.values())
+        if key not in known:
+            known[key] = differentiate(self.raw, plain)
+        return with_signals(known[key], settings)
+
+    @functools.cached_property
+    def smoothed(self) -> Samples:
+        """The recordings with a smooth velocity.
+
+        Without a filter, an encoder's steps look like standstill and bursts.
+        """
+        return self.moved(self.smooth)
+
+    def smooth_rows(self, unusable: np.ndarray) -> np.ndarray:
+        """Return the indices of (some of) the samples in motion, where smooth velocity is right."""
+        moved = self.smoothed
+        usable = in_motion(moved, unusable, standstill_speed(moved), self.smooth['bandwidth'])
+        speed = np.abs(np.asarray(moved.velocity))
+        fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
+        # A smooth velocity is wrong where friction changes its sign.
+        usable = fast if fast.sum() > 0.5 * usable.sum() else usable
+        return row_starts(moved, usable, 1)[::max(1, int(usable.sum()) // _SMOOTH_ROWS)]
+
+    @functools.cached_property
+    def clipped(self) -> np.ndarray:
+        """Which samples are at a limit of the current, beyond which it would be, bool, (N,).
+
+        A current that is cut off is larger than recorded; one that a step of a command holds is
+        what it says. A plain drive, fitted to what is not near a limit, tells them apart at each
+        end: it predicts a current that is cut off beyond the limit, by more than its error.
+        """
+        at_limit, current = clipped(self.raw.current), self.raw.current
+        if not at_limit.any():
+            return at_limit
+        moved, start = self.smoothed, self.smooth_rows(self._near(at_limit))
+        speed = np.abs(np.asarray(moved.velocity))
+        every = plain_columns(
+            moved, (np.percentile(speed[start], 95) * np.array(TRANSITIONS)).tolist())
+        sums = BlockSums.over(np.vstack((every[start].T, current[start])), regimes_in(moved, start))
+        inner = range(every.shape[1])
+        error = math.sqrt(float(sums.held_out_errors(inner).sum()) / len(start))
+        excess = every @ sums.fit(inner) - current
+        for side in (1.0, -1.0):
+            end = at_limit & (side * (current - np.median(current)) > 0.0)
+            there = end & (speed > standstill_speed(moved))
+            if there.any() and float(np.median(side * excess[there])) < error:
+                at_limit = at_limit & ~end
+        return at_limit
+
+    def _near(self, at_limit: np.ndarray) -> np.ndarray:
+        # Beside a limit, samples are below it if their noise is: a fit to these would be bent.
+        return widened(at_limit, round(thresholds.NEAR_LIMIT / self.raw.sample_time))
+
+    @functools.cached_property
+    def unusable(self) -> np.ndarray:
+        """Which samples are at or beside a limit of the current, bool, (N,)."""
+        return self._near(self.clipped)
+
+    @functools.cached_property
+    def joints(self) -> tuple[str, ...]:
+        """All joints that moved, none where no other did.
+
+        Beside known rigid bodies they are neighbours: only these have friction in common.
+        """
+        arm, joint = self.raw.arm, self.raw.joint
+        if arm is None or self.raw.coupling is not None or joint not in arm.joints:
+            return ()
+        names, own = arm.joints, arm.joints.index(joint)
+        if self.raw.rigid_body is not None:
+            names = names[max(0, own - 1):own + 2]
+        span = np.ptp(arm.of(names).position, axis=0)
+        names = tuple(name for name, moved in zip(names, span) if moved > 1e-3 or name == joint)
+        return names if len(names) > 1 else ()
+
+    @functools.cached_property
+    def load_coefficient(self) -> float:
+        """-1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
+
+        By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that
+        is if the load lowers the error of parts that were not fitted, with half to twice this
+        coefficient, the motor carries it, and its coefficient is fitted as that of an effect. If it
+        does not, but the load overcomes friction or accelerates the joint, then a person moves it,
+        and the current is that of a compensation law or zero: the known coefficient has to be used.
+        A sensor behind the gear may show the torque of the motor on the links instead, of the other
+        sign: then friction and inertia alone predict parts that were not fitted, without a weight,
+        and only with that sign. The current shows that torque: again its coefficient is fitted.
+        """
+        if not self.declared or self.raw.load is None or not np.any(self.raw.load):
+            return 0.0
+        mechanics, start = -1.0 / self.drive.torque_per_current, self.smooth_rows(self.unusable)
+        part = self.smoothed.take(start)
+        # Whether a load moves the joint is no question of other motion: parts of time.
+        block = np.arange(len(start)) * int(thresholds.REGIMES) // len(start)
+        velocity, load = np.asarray(part.velocity), np.asarray(part.load)
+        columns = plain_columns(part.with_(load=None))
+        plain = range(columns.shape[1])
+        sums = BlockSums.over(np.vstack((columns.T, load, part.current)), block)
+        without, fitted = (float(sums.held_out_errors(some).sum())
+                           for some in (plain, [*plain, len(plain)]))
+        shown = sums.fit([*plain, len(plain)])[-1] / mechanics
+        if fitted < (1.0 - thresholds.LEAST_SHARE) * without and 0.5 < shown < 2.0:
+            return 0.0
+        # Its mean power against friction: that of its Coulomb and viscous columns, since gravity
+        # and inertia return what they take. The blocks left out in turn give its standard error,
+        # and that of the inertia, the column after these.
+        last = len(TRANSITIONS) + 2
+        fits = BlockSums.over(np.vstack((columns.T, load)), block).fits(
+            plain, 1.0 - np.eye(int(block.max()) + 1))
+        power = fits[:, 1:last] @ (columns[:, 1:last].T @ velocity)
+        # With twice the usual margin, since a sensor's load of the wrong sign would count twice.
+        moves = any(values.mean() > 2.0 * thresholds.STANDARD_ERRORS * np.sqrt(
+            (len(values) - 1) * np.var(values)) for values in (power, fits[:, last]))
+        # Inertia is the last of these columns, of which none is a weight.
+        inner, turned = columns[:, :last + 1], part.current + mechanics * load
+        given = part.current - mechanics * load
+        of_given, of_turned = (held_out_error(inner, target, block) for target in (given, turned))
+        # Of its own size: a part of friction has the same shape, and a smaller error.
+        least = 1.0 - thresholds.LEAST_SHARE
+        if (of_turned * (given @ given) < least * of_given * (turned @ turned)
+                and least * of_turned < held_out_error(columns, given, block)):
+            return 0.0
+        return mechanics if moves else 0.0
+
+    @functools.cached_property
+    def target(self) -> np.ndarray:
+        """The current that a model has to explain, A, (N,)."""
+        load = self.load_coefficient
+        return self.raw.current - load * np.asarray(self.raw.load) if load else self.raw.current
+
+    @functools.cached_property
+    def plain_settings(self) -> dict[str, Any]:
+        """The settings with which a plain drive predicts other regimes best."""
+        start = self.smooth_rows(self.unusable)
+        block, target = regimes_in(self.smoothed, start), self.target[start]
+        joints = self.joints if self.raw.rigid_body is None else ()
+        carried = {'load': None} if self.load_coefficient else {}
+
+        def error(moved: Samples, settings: dict[str, Any]) -> float:
+            part = moved.take(start).with_(**carried)
+            if not np.percentile(np.abs(np.asarray(part.velocity)), 95) > 0.0:
+                # Without a filter, a coarse encoder stands still in nearly all samples.
+                return math.inf
+            motion = arm_motion(self.raw, joints, settings)
+            columns = plain_columns(part, (), motion and tuple(signal[start] for signal in motion),
+                                    joints.index(self.raw.joint) if joints else 0)
+            return held_out_error(columns, target, block)
+        # The load first, since noise in motion may make up for its noise.
+        signals = choose_signals(self.raw, () if carried else ('load',), lambda **changed: error(
+            self.smoothed.with_(**changed), self.smooth))
+        errors = [(error(self.moved(choice), choice), choice) for choice in (
+            {**choice, **signals} for choice in self.choices)]
+        least = min(one for one, _ in errors)
+        # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of
+        # the current a plain drive explains, the less its error says about the bandwidth.
+        unexplained = least / max(float(target @ target), 1e-300)
+        most = ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least
+        # Between two sources with the same bandwidth the later one, the recorded velocity, wins.
+        return max((choice for one, choice in reversed(errors) if one <= most),
+                   key=lambda choice: choice['bandwidth'])
 
 
-def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.ndarray]:
-    """Return samples with a smooth velocity, and the indices of (some of) those in motion.
+def choose_signals(samples: Samples, names: Iterable[str], error: Callable[..., float]
+                   ) -> dict[str, Any]:
+    """Return the entry `signals` of settings: the best bandwidths of some measured signals.
 
-    Without a filter, an encoder's steps look like standstill and bursts.
-    """
-    smooth = smooth_settings(samples)
-    moved = differentiate(samples, smooth)
-    usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
-    speed = np.abs(np.asarray(moved.velocity))
-    fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
-    # A smooth velocity is wrong where friction changes its sign.
-    usable = fast if fast.sum() > 0.5 * usable.sum() else usable
-    return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
-
-
-def beyond_limit(samples: Samples, at_limit: np.ndarray, beside: np.ndarray) -> np.ndarray:
-    """Return which samples at a limit of the current would be beyond it, bool, shape (N,).
-
-    A current that is cut off is larger than recorded; one that a step of a command holds is what it
-    says. A plain drive, fitted to what is not `beside` a limit, tells them apart at each end: it
-    predicts a current that is cut off beyond the limit, by more than its error.
-    """
-    moved, start = smooth_motion(*excerpt(samples, beside))
-    speed = np.abs(np.asarray(moved.velocity))
-    every = plain_columns(
-        moved, (np.percentile(speed[start], 95) * np.array(TRANSITIONS)).tolist())
-    sums = BlockSums.over(np.vstack((every[start].T, moved.current[start])),
-                          regimes_in(moved, start))
-    inner = range(every.shape[1])
-    error = math.sqrt(float(sums.held_out_errors(inner).sum()) / len(start))
-    excess, cut = every @ sums.fit(inner) - moved.current, at_limit.copy()
-    for side in (1.0, -1.0):
-        end = at_limit & (side * (samples.current - np.median(samples.current)) > 0.0)
-        there = excerpt(samples, end)[1] & (speed > standstill_speed(moved))
-        if there.any() and float(np.median(side * excess[there])) < error:
-            cut[end] = False
-    return cut
-
-
-def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
-    """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
-
-    By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
-    if the load lowers the error of parts that were not fitted, with half to twice this
-    coefficient, the motor carries it, and its coefficient is fitted as that of an effect. If it
-    does not, but the load overcomes friction or accelerates the joint, then a person moves it, and
-    the current is that of a compensation law or zero: the known coefficient has to be used. A
-    sensor behind the gear may show the torque of the motor on the links instead, of the other sign:
-    then friction and inertia alone predict parts that were not fitted, without a weight, and only
-    with that sign. The current shows that torque: again its coefficient is fitted.
-    """
-    if samples.load is None or not np.any(samples.load):
-        return 0.0
-    mechanics = -1.0 / drive.torque_per_current
-    moved, start = smooth_motion(*excerpt(samples, unusable))
-    part = moved.take(start)
-    # Whether a load moves the joint is no question of other motion: parts of time.
-    block = np.arange(len(start)) * int(thresholds.REGIMES) // len(start)
-    velocity, load = np.asarray(part.velocity), np.asarray(part.load)
-    columns = plain_columns(part.with_(load=None))
-    plain = range(columns.shape[1])
-    sums = BlockSums.over(np.vstack((columns.T, load, part.current)), block)
-    without, fitted = (float(sums.held_out_errors(some).sum())
-                       for some in (plain, [*plain, len(plain)]))
-    shown = sums.fit([*plain, len(plain)])[-1] / mechanics
-    if fitted < (1.0 - thresholds.LEAST_SHARE) * without and 0.5 < shown < 2.0:
-        return 0.0
-    # Its mean power against friction: that of its Coulomb and viscous columns, since gravity and
-    # inertia return what they take. The blocks left out in turn give its standard error, and that
-    # of the inertia, the column after these.
-    last = len(TRANSITIONS) + 2
-    fits = BlockSums.over(np.vstack((columns.T, load)), block).fits(
-        plain, 1.0 - np.eye(int(block.max()) + 1))
-    power = fits[:, 1:last] @ (columns[:, 1:last].T @ velocity)
-    # With twice the usual margin, since a sensor's load of the wrong sign would count twice.
-    moves = any(values.mean() > 2.0 * thresholds.STANDARD_ERRORS * np.sqrt(
-        (len(values) - 1) * np.var(values)) for values in (power, fits[:, last]))
-    # Inertia is the last of these columns, of which none is a weight.
-    inner, turned = columns[:, :last + 1], part.current + mechanics * load
-    given = part.current - mechanics * load
-    of_given, of_turned = (held_out_error(inner, target, block) for target in (given, turned))
-    # Of its own size: a part of friction has the same shape, and a smaller error.
-    if (of_turned * (given @ given) < (1.0 - thresholds.LEAST_SHARE) * of_given * (turned @ turned)
-            and of_turned < (1.0 + thresholds.LEAST_SHARE) * held_out_error(columns, given, block)):
-        return 0.0
-    return mechanics if moves else 0.0
-
-
-def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
-                           load: float) -> dict[str, Any]:
-    """Return the differentiation settings with which a plain drive predicts other regimes best.
-
-    `joints` and `load` are those of `Rows`.
-    """
-    samples, unusable = excerpt(samples, unusable)
-    joints = joints if samples.rigid_body is None else ()
-    if load:
-        samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
-                                load=None)
-    smoothed, start = smooth_motion(samples, unusable)
-    block = regimes_in(smoothed, start)
-    errors: list[tuple[float, dict[str, Any]]] = []
-
-    def error_with(moved: Samples, settings: dict[str, Any]) -> float:
-        part = moved.take(start)
-        if not np.percentile(np.abs(np.asarray(part.velocity)), 95) > 0.0:
-            # Without a filter, a coarse encoder stands still in nearly all samples.
-            return math.inf
-        motion = arm_motion(samples, joints, settings)
-        columns = plain_columns(part, (), motion and tuple(signal[start] for signal in motion),
-                                joints.index(samples.joint) if joints else 0)
-        return held_out_error(columns, part.current, block)
-    # The load first, since noise in motion may make up for its noise.
-    smooth = smooth_settings(samples)
-    signals = choose_signals(samples, lambda name, bandwidth: error_with(smoothed.with_(**{
-        name: prepared_signal(samples, getattr(samples, name), bandwidth)}), smooth))
-    for choice in resolved_settings(samples):
-        if signals:
-            choice['signals'] = signals
-        errors.append((error_with(differentiate(samples, choice), choice), choice))
-    least = min(error for error, _ in errors)
-    # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
-    # current a plain drive explains, the less its error says about the bandwidth.
-    unexplained = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
-    most = ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least
-    # Between two sources with the same bandwidth the later one, the recorded velocity, wins.
-    return max((choice for error, choice in reversed(errors) if error <= most),
-               key=lambda choice: choice['bandwidth'])
-
-
-def choose_signals(samples: Samples, error: Callable[[str, float], float]) -> dict[str, Any]:
-    """Return the bandwidths of measured signals with which other regimes are predicted best.
-
-    `error` returns the squared error by the name of a signal and its bandwidth, Hz.
+    `error` returns the squared error in other regimes with one of them changed, by its name.
     """
     chosen: dict[str, Any] = {}
-    for name in MEASURED:
+    for name in names:
         values = getattr(samples, name)
         if values is None or not np.ptp(values) > 0.0:
             continue
         rate = 1.0 / samples.sample_time
-        errors = {value: error(name, value) for value in (
+        prepared = {value: prepared_signal(samples, values, value) for value in (
             *(value for value in _SIGNAL_BANDWIDTHS if value <= _WIDEST * rate), 0.5 * rate)}
+        errors = {value: error(**{name: own}) for value, own in prepared.items()}
         most = (1.0 + thresholds.EQUIVALENT) ** 2 * min(errors.values())
         bandwidth = max(value for value, error_ in errors.items() if error_ <= most)
-        if not np.array_equal(prepared_signal(samples, values, bandwidth), values):
+        if not np.array_equal(prepared[bandwidth], values):
             chosen[name] = {'bandwidth': bandwidth}
-    return chosen
+    return {'signals': chosen} if chosen else {}
 
 
 def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
@@ -380,22 +424,6 @@ def arm_motion(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
                ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return position, velocity and acceleration, each (N, J), of joints; None without joints."""
     return moving_states(samples, joints, settings_for_arm(samples, settings)) if joints else None
-
-
-def moving_joints(samples: Samples) -> tuple[str, ...]:
-    """Return all joints that moved, none where no other did.
-
-    Beside known rigid bodies they are neighbours: only these have friction in common.
-    """
-    arm, joint = samples.arm, samples.joint
-    if arm is None or samples.coupling is not None or joint not in arm.joints:
-        return ()
-    names, own = arm.joints, arm.joints.index(joint)
-    if samples.rigid_body is not None:
-        names = names[max(0, own - 1):own + 2]
-    span = np.ptp(arm.of(names).position, axis=0)
-    names = tuple(name for name, moved in zip(names, span) if moved > 1e-3 or name == joint)
-    return names if len(names) > 1 else ()
 
 
 _SLOWEST_RATE = 100.0
@@ -454,11 +482,6 @@ class Rows:
         order = np.argsort(self.start)
         before = np.searchsorted(self.start[order], np.arange(len(self.samples)), side='right') - 1
         return np.asarray(self.block[order][np.clip(before, 0, None)])
-
-    def with_settings(self, raw: Samples, settings: dict[str, Any]) -> Rows:
-        """Return the rows with the motion of other differentiation settings."""
-        return replace(self, samples=differentiate(raw, settings),
-                       motion=arm_motion(raw, self.joints, settings))
 
     def averaged(self, values: np.ndarray) -> np.ndarray:
         """Return averages of values, shape (N,) or (N, M), over each row's samples."""
@@ -528,60 +551,40 @@ def clipped(current: np.ndarray) -> np.ndarray:
     return mark
 
 
-def samples_per_row(samples: Samples, usable: int) -> int:
-    """Return the fewest samples per row for which at most `ROWS` remain, at 100 Hz or more."""
-    return max(1, min(math.ceil(usable / thresholds.ROWS),
-                      int(1.0 / samples.sample_time / _SLOWEST_RATE)))
-
-
-def thinned(start: np.ndarray) -> np.ndarray:
-    """Return the starts of at most as many rows as are searched, in pieces from everywhere."""
-    share = _MOST * thresholds.ROWS / max(len(start), 1)
-    if share >= 1.0:
-        return start
-    return start[evenly_spread(np.arange(len(start)) // _PIECE) < share]
-
-
-def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = None,
-            declared: bool = True, linear: bool = False) -> tuple[Rows, dict[str, Any]]:
-    """Return the rows that effects are fitted to, and the settings, chosen when omitted.
-
-    `samples` are joined; `declared` says that torque constant and gear ratio are known, `linear`
-    that positions are in m.
-    """
-    at_limit, reach = clipped(samples.current), round(thresholds.NEAR_LIMIT / samples.sample_time)
-    # Their neighbours are below the limit if their noise is: a fit to these alone would be bent.
-    unusable = widened(at_limit, reach)
-    if at_limit.any():
-        at_limit = beyond_limit(samples, at_limit, unusable)
-        unusable = widened(at_limit, reach)
-    joints = moving_joints(samples)
-    load = load_coefficient(samples, unusable, drive) if declared else 0.0
-    settings = settings or choose_differentiation(samples, unusable, joints, load)
-    moved = differentiate(samples, settings)
+def prepare(problem: Problem, settings: dict[str, Any]) -> Rows:
+    """Return the rows that effects are fitted to, with motion by differentiation settings."""
+    samples, joints, moved = problem.raw, problem.joints, problem.moved(settings)
     slowest = standstill_speed(moved)
-    usable = in_motion(moved, unusable, slowest, settings['bandwidth'])
+    usable = in_motion(moved, problem.unusable, slowest, settings['bandwidth'])
     motion = arm_motion(samples, joints, settings)
-    length = samples_per_row(moved, int(usable.sum()))
-    start = thinned(row_starts(moved, usable, length))
+    # The fewest samples per row for which at most `ROWS` remain, at 100 Hz or more; then pieces
+    # from everywhere.
+    length = max(1, min(math.ceil(usable.sum() / thresholds.ROWS),
+                        int(1.0 / moved.sample_time / _SLOWEST_RATE)))
+    start = row_starts(moved, usable, length)
+    share = _MOST * thresholds.ROWS / max(len(start), 1)
+    start = start[evenly_spread(np.arange(len(start)) // _PIECE) < share]
     # Rigid bodies are the same in all postures.
     others = list(motion[0].T) if motion and samples.rigid_body is None else []
     block = regimes_in(moved, start, length, others)
     order = np.argsort(block, kind='stable')
-    target = moved.current - load * np.asarray(moved.load) if load else moved.current
+    target, load = problem.target, problem.load_coefficient
+    if load:
+        # Here, the load is as its filter leaves it.
+        target = moved.current - load * np.asarray(moved.load)
     # Squares of smaller numbers are 0; an effort that was never set can hold such numbers.
     if not np.abs(target[usable]).max() > math.sqrt(np.finfo(float).tiny):
-        why = '; the motor has to move the joint' if samples.load is None or declared else (
+        why = '; the motor has to move the joint' if samples.load is None or problem.declared else (
             ' without torque constant and gear ratio, which say how much of the recorded load it '
             'is; 1 for both gives friction in N·m')
         raise InputError('the current is zero throughout the motion: there is no friction to fit'
                          + why)
-    coverage = replace(coverage_of(moved, usable, slowest, samples), linear=linear)
     rows = Rows(
-        samples=moved, target=target, usable=usable, clipped=at_limit, coverage=coverage,
+        samples=moved, target=target, usable=usable, clipped=problem.clipped,
+        coverage=replace(coverage_of(moved, usable, slowest, samples), linear=problem.linear),
         start=start[order], length=length, block=block[order], load_coefficient=load,
-        motion=motion, joints=joints, torque_per_current=drive.torque_per_current)
-    return replace(rows, coverage=replace(coverage, transition=choose_transition(rows))), settings
+        motion=motion, joints=joints, torque_per_current=problem.drive.torque_per_current)
+    return replace(rows, coverage=replace(rows.coverage, transition=choose_transition(rows)))
 
 
 def choose_transition(rows: Rows) -> float:

@@ -23,7 +23,7 @@ from friction_comp.refinement import judge
 from friction_comp.refinement.effect_columns import EQ6_LINEAR, Term
 from friction_comp.refinement.intervals import Intervals, intervals, recorded_of
 from friction_comp.refinement.judge import in_unit, remaining_dependences, verdict_of
-from friction_comp.refinement.prepare import join, settings_for_arm
+from friction_comp.refinement.prepare import join, Problem, settings_for_arm
 from friction_comp.refinement.result import (
     Finding,
     FoundEffect,
@@ -34,7 +34,7 @@ from friction_comp.refinement.result import (
     TRUST,
 )
 from friction_comp.refinement.reversals import friction_at_rest
-from friction_comp.refinement.search import find_best_fit, Fit, fit_eq6_alone, Problem, rivals_of
+from friction_comp.refinement.search import find_best_fit, Fit, fit_eq6_alone, rivals_of
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 

@@ -18,6 +18,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import find_peaks
 
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effect import RESISTS
@@ -32,8 +34,6 @@ from friction_comp.samples import Samples
 _FIRST_WAY, _MULTIPLE, _EARLY = 0.03, 6.0, 0.8
 # It is at least this multiple of that to the end of the change.
 _BEYOND_END, _ROUNDS = 2.0, 3
-# Turns are looked for among so many samples, evenly spread.
-_MOST_PLACES = 20_000
 # Share of the change of friction at which presliding ends, that is at 95 % of the level there, and
 # of the samples over which its peak is averaged.
 _END, _PEAK = 0.975, 1.0 / 8.0
@@ -174,7 +174,7 @@ def _reversals(raw: Samples, friction: np.ndarray, window: float) -> Iterator[_R
             change = side * current[turn:turn + stop]
             if len(level) < 3 or stop < thresholds.REVERSAL_SAMPLES:
                 continue
-            smooth = _running_mean(change, max(3, round(_PEAK * stop)))
+            smooth = uniform_filter1d(change, max(3, round(_PEAK * stop)), mode='nearest')
             peak = int(np.argmax(smooth))
             height = float(smooth[peak] - np.median(level))
             if height <= 0.0:
@@ -185,12 +185,6 @@ def _reversals(raw: Samples, friction: np.ndarray, window: float) -> Iterator[_R
             if end <= peak:
                 yield _Reversal(side, float(way[early]), float(way[end]), float(end),
                                 part.start + turn, part.start + following)
-
-
-def _running_mean(values: np.ndarray, length: int) -> np.ndarray:
-    """Return the means of `length` values about each, those at the ends repeated, shape (N,)."""
-    padded = np.pad(values, (length // 2, length - 1 - length // 2), mode='edge')
-    return np.convolve(padded, np.full(length, 1.0 / length), mode='valid')
 
 
 def _reached(values: np.ndarray, level: float) -> int:
@@ -204,20 +198,7 @@ def _reached(values: np.ndarray, level: float) -> int:
 
 def _turns(position: np.ndarray, least: float) -> list[tuple[int, float]]:
     """Return the sample of each turn after and before ways of at least `least`, and where to."""
-    turns: list[tuple[int, float]] = []
-    every = max(1, len(position) // _MOST_PLACES)
-    places = position[::every].tolist()
-    highest = lowest = 0
-    side = 0.0
-    for k, place in enumerate(places):
-        highest = k if place > places[highest] else highest
-        lowest = k if place < places[lowest] else lowest
-        if side >= 0.0 and place < places[highest] - least:
-            turns.append((highest, -1.0))
-            side, lowest = -1.0, k
-        elif side <= 0.0 and place > places[lowest] + least:
-            turns.append((lowest, 1.0))
-            side, highest = 1.0, k
-    # The farthest of all samples near it.
-    return [(first + int(np.argmin(side * position[first:(k + 1) * every])), side)
-            for k, side in turns for first in [max(0, (k - 1) * every + 1)]]
+    turns = sorted((int(edge), -side) for side in (1.0, -1.0) for edge in find_peaks(
+        side * position, prominence=least, plateau_size=1)[1]['left_edges'])
+    # The beginning is one, too.
+    return [(0, -turns[0][1]), *turns] if turns else []

@@ -11,22 +11,19 @@ chosen with the terms found.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 import math
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
-from friction_comp.drive import Drive
-from friction_comp.model.arm import neighbourhood
-from friction_comp.model.differentiation import shifted_in_time
+from friction_comp.model.differentiation import MEASURED, shifted_in_time
 from friction_comp.model.effect import Coverage
-from friction_comp.model.effects import EFFECTS
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.block_sums import BlockSums, held_out_error
+from friction_comp.refinement.block_sums import held_out_error
 from friction_comp.refinement.effect_columns import (
     eq6_columns,
     EQ6_LINEAR,
@@ -36,13 +33,7 @@ from friction_comp.refinement.effect_columns import (
     Table,
     Term,
 )
-from friction_comp.refinement.prepare import (
-    choose_signals,
-    prepare,
-    resolved_settings,
-    Rows,
-    smooth_settings,
-)
+from friction_comp.refinement.prepare import arm_motion, choose_signals, prepare, Problem, Rows
 from friction_comp.samples import Samples
 
 _STEP = 1e-3
@@ -72,25 +63,18 @@ def error_reductions(sums: np.ndarray, chosen: list[int], candidates: Sequence[S
     `signs`, shape (P,), are required.
     """
     norm = np.sqrt(np.maximum(np.diag(sums), 1e-300))
-    inner = sums[chosen] / norm / norm[chosen][:, None]
-    projection = np.linalg.solve(inner[:, chosen] + 1e-8 * np.eye(len(chosen)), inner).T
+    scaled = sums / norm / norm[:, None]
+    inner = scaled[chosen]
+    # What the chosen columns leave of all others.
+    left = scaled - inner.T @ np.linalg.solve(
+        inner[:, chosen] + 1e-8 * np.eye(len(chosen)), inner)
     reductions = np.zeros(len(candidates))
-    sizes = np.array([len(columns) for columns in candidates])
-    for size in np.unique(sizes[sizes > 0]):
-        indices = np.nonzero(sizes == size)[0]
-        columns = np.array([candidates[int(k)] for k in indices])
-        # With the target last.
-        full = np.column_stack((columns, np.full(len(columns), len(norm) - 1)))
-        scaled = sums[columns[:, :, None], full[:, None]] / norm[columns][:, :, None]
-        remaining = scaled / norm[full][:, None] - projection[columns] @ inner.T[full].transpose(
-            0, 2, 1)
-        target = remaining[:, :, -1].copy()
-        remaining[:, np.arange(size), np.arange(size)] += 1e-6
-        step = np.linalg.solve(remaining[:, :, :-1], target[:, :, None])[:, :, 0]
-        gain = np.einsum('nm,nm->n', target, step)
-        if size == 1:
-            gain = np.where((signs[columns[:, 0]] > 0) & (step[:, 0] < 0.0), 0.0, gain)
-        reductions[indices] = gain
+    for k, columns in enumerate(candidates):
+        target = left[columns, -1]
+        step = np.linalg.solve(
+            left[np.ix_(columns, columns)] + 1e-6 * np.eye(len(columns)), target)
+        if len(columns) > 1 or not (signs[columns[0]] > 0 and step[0] < 0.0):
+            reductions[k] = target @ step
     return reductions * norm[-1] ** 2
 
 
@@ -145,36 +129,6 @@ class Search:
         return bool(share > thresholds.LEAST_SHARE and errors > least
                     and after.sum() < before.sum())
 
-    def holds_over_time(self, term: Term, rest: Sequence[Term]) -> bool:
-        """Return whether an effect of time lowers the error in parts of time, too, beside others.
-
-        What depends on time differs in time, not in motion; and another recording is predicted
-        without it.
-        """
-        if term.kind.variable != 'time':
-            return True
-        table, start = self.table, self.table.rows.start
-        part = np.argsort(np.argsort(start)) * int(thresholds.REGIMES) // len(start)
-        errors = []
-        for terms in (rest, [*rest, term]):
-            columns = table.indices(terms)
-            sums = BlockSums.over(np.vstack((table.columns[columns], table.target)), part,
-                                  table.sums.signs[columns])
-            errors.append(sums.held_out_errors(range(len(columns))))
-        return self.is_better(*errors)
-
-    def with_own_terms(self, terms: Sequence[Term]) -> list[Term]:
-        """Return terms, and the joint's own inertia or weight where groups of other joints need it.
-
-        Without that part, such a group would have to represent both, and fail in other postures.
-        """
-        groups = [term.group for term in terms if term.group]
-        own = {'weight': 'gravity', 'kinetic': 'inertia'}
-        needed = {own[group.kind] for group in groups if group.kind in own}
-        needed -= {term.kind.name for term in terms if not term.group}
-        return [*terms, *(term for term in (self.table.columns_of if needed else ())
-                          if not term.group and term.kind.name in needed)]
-
     def without_collinear(self, terms: Sequence[Term]) -> list[Term]:
         """Return the terms without collinear ones; of these, the last is removed first.
 
@@ -227,15 +181,13 @@ class Search:
         while True:
             self.update_candidates(terms)
             before, transition = self.errors(terms), self.table.transition
-            trials = [(self.errors(self.with_own_terms([*terms, term])), term)
-                      for term in self.shortlist(terms)]
+            trials = [(self.errors([*terms, term]), term) for term in self.shortlist(terms)]
             trials.sort(key=lambda trial: float(trial[0][-1].sum()))
             best = next((term for after, term in trials if self.is_better(before, after)
-                         and self.holds_over_time(term, terms)
                          and term in self.without_collinear([*terms, term])), None)
             if best is None:
                 return terms
-            grown = self.backward(self.adjusted(self.with_own_terms([*terms, best])))
+            grown = self.backward(self.adjusted([*terms, best]))
             if not self.errors(grown).sum() < before.sum():
                 self.table.set_transition(*transition)
                 self.table.add(terms)
@@ -244,12 +196,12 @@ class Search:
 
     def backward(self, terms: Sequence[Term]) -> list[Term]:
         """Remove terms that are not needed, the least useful first."""
-        terms = self.with_own_terms(terms)
+        terms = list(terms)
         while True:
             full, trials = self.errors(terms), []
             for term in terms:
                 rest = [other for other in terms if other != term]
-                if term in self.fixed or term in self.with_own_terms(rest):
+                if term in self.fixed:
                     continue
                 without = self.errors(rest)
                 if not self.is_better(without, full):
@@ -374,21 +326,11 @@ def _with_current_loads(table: Table, terms: list[Term]) -> list[Term]:
 
 # Most times that filters, or a lag, are chosen with the terms found before.
 _FILTERS = 5
-# Number of lags that are tried on each side, from half a sample to the longest.
-_LAGS = 9
+# Number of lags that are tried on each side, from half a sample to the longest, and how exact the
+# best of them is made, in samples.
+_LAGS, _LAG_STEP = 9, 0.02
 # Transitions that are tried on all samples, and the most samples for that.
 _STEEPNESSES, _MOST_SAMPLES = 12, 20_000
-
-
-@dataclass(frozen=True)
-class Problem:
-    """The input of refinement."""
-
-    raw: Samples  # all recordings
-    drive: Drive
-    declared: bool  # whether torque constant and gear ratio are known
-    model: FrictionModel | None  # the initial one
-    linear: bool = False  # whether positions are in m
 
 
 @dataclass(frozen=True)
@@ -448,29 +390,14 @@ def fit_eq6_alone(fit: Fit) -> Fit:
     return refit(Fit(table, [], 0, fit.settings), [])
 
 
-def starts_of(table: Table) -> list[list[Term]]:
-    """Return the starts of a search: the first model, without and with neighbouring links.
+def search_with(problem: Problem, settings: dict[str, Any], begin: Sequence[Term] | None = None
+                ) -> Fit:
+    """Search with differentiation settings, and return the best fit.
 
-    Weight, spring and inertia may cancel in a motion, so that each helps only with the others.
+    The search begins with the terms of the initial model and those of `begin`, or of the first
+    model.
     """
-    rows, starts = table.rows, [table.add(first_model(table))]
-    if rows.joints and rows.samples.rigid_body is None:
-        kind = EFFECTS['other_joints']
-        starts.append([*starts[0], *table.add([Term(kind, {}, group) for group in neighbourhood(
-            rows.joints, rows.samples.joint)])])
-    return starts
-
-
-def search_with(problem: Problem, settings: dict[str, Any] | None = None,
-                begin: Sequence[Term] | None = None) -> Fit:
-    """Search with differentiation settings, chosen when omitted, and return the best fit.
-
-    The search begins with the terms of the initial model and those of `begin`, or with each of
-    `starts_of`.
-    """
-    rows, settings = prepare(
-        problem.raw, problem.drive, settings, problem.declared, problem.linear)
-    model = problem.model
+    rows, model = prepare(problem, settings), problem.model
     start = model.sigmoid if model else Sigmoid(1.0, -1.0, 2.0 / rows.coverage.transition)
     table = Table(rows, start.steepness, start.shift)
     # A load that is already part of the target cannot be an effect as well.
@@ -482,20 +409,10 @@ def search_with(problem: Problem, settings: dict[str, Any] | None = None,
     if not model:
         table.fit_transition([])
     known = {term.kind for term in initial if term.kind.max_count == 1}
-    ends: list[tuple[float, list[Term], tuple[float, float]]] = []
-    transition = table.transition
-    for first in starts_of(table) if begin is None else [list(begin)]:
-        table.set_transition(*transition)
-        search = Search(table, initial)
-        terms = search.run(table.add(
-            [term for term in first if term.group or term.kind not in known]))
-        # Of ends that are as good, the smaller model.
-        cost = (1.0 + thresholds.LEAST_SHARE) ** len(terms)
-        ends.append((cost * float(search.errors(terms).sum()), terms, table.transition))
-    _, terms, transition = min(ends, key=lambda end: end[0])
-    table.set_transition(*transition)
-    table.add(terms)
-    return Fit(table, terms, len(initial), settings)
+    terms = Search(table, initial).run(table.add([
+        term for term in (first_model(table) if begin is None else begin)
+        if term.group or term.kind not in known]))
+    return Fit(table, table.add(terms), len(initial), settings)
 
 
 def find_best_fit(problem: Problem) -> Fit:
@@ -503,13 +420,7 @@ def find_best_fit(problem: Problem) -> Fit:
 
     What history explains, a lag may explain as well: with each, the search goes on to its end.
     """
-    best = search_with(problem)
-    # A plain drive knows of no ripple, which a filter of motion or of the load blurs.
-    wider = smooth_settings(problem.raw)
-    if best.settings['bandwidth'] < wider['bandwidth'] or best.settings.get('signals'):
-        best = min(best, search_with(problem, wider), key=lambda fit: float(
-            fit.table.errors(fit.terms).sum()) / len(fit.table.target))
-    best = lagged = _at_best_motion(problem, best)
+    best = lagged = _at_best_motion(problem, search_with(problem, problem.plain_settings))
     # Terms stood in for a part of the lag: with them gone, it is found once more.
     for _ in range(_FILTERS):
         settings = _with_best_lag(lagged)
@@ -525,19 +436,15 @@ def find_best_fit(problem: Problem) -> Fit:
 
 
 def _at_best_motion(problem: Problem, fit: Fit) -> Fit:
-    """Return the fit at the filters of motion and signals with which its terms predict best.
+    """Return the fit, or that at the filters of motion and signals with which it predicts best.
 
-    Better filters show more terms, with which others may be better.
+    A plain drive knows of no ripple, which a filter of motion or of the load blurs.
     """
-    for _ in range(_FILTERS):
-        settings = _with_best_motion(problem, fit)
-        if settings == fit.settings:
-            break
-        again = search_with(problem, settings, fit.terms[fit.initial_count:])
-        if _better(fit, again, thresholds.EQUIVALENT) is fit:
-            break
-        fit = again
-    return fit
+    settings = _with_best_motion(problem, fit)
+    if settings == fit.settings:
+        return fit
+    return _better(fit, search_with(problem, settings, fit.terms[fit.initial_count:]),
+                   thresholds.EQUIVALENT)
 
 
 def _better(first: Fit, second: Fit, least: float) -> Fit:
@@ -553,19 +460,17 @@ def _with_late_terms(fit: Fit) -> Fit:
     return replace(fit, terms=search.run_late(fit.terms))
 
 
-def _error_by(fit: Fit) -> Callable[[Rows, float], float]:
-    """Return the held-out squared error of a fit's terms on other rows, with another lag, s."""
-    target = fit.table.target
+def _columns(fit: Fit, rows: Rows) -> np.ndarray:
+    """Return the columns of Eq. 6 and of a fit's terms on all samples of rows, shape (N, P)."""
+    return np.column_stack([eq6_columns(rows, *fit.table.transition),
+                            *(term.columns(rows) for term in fit.terms)])
 
-    def error(rows: Rows, lag: float) -> float:
-        columns = np.column_stack([eq6_columns(rows, *fit.table.transition),
-                                   *(term.columns(rows) for term in fit.terms)])
-        if lag:
-            columns = shifted_in_time(columns, rows.samples, lag)
-        columns = fit.rows.averaged(columns)
-        return held_out_error(columns, target, fit.rows.block) if np.isfinite(
-            columns).all() else math.inf
-    return error
+
+def _error(fit: Fit, columns: np.ndarray) -> float:
+    """Return the held-out squared error of a fit's terms with other columns, shape (N, P)."""
+    averages = fit.rows.averaged(columns)
+    return held_out_error(averages, fit.table.target, fit.rows.block) if np.isfinite(
+        averages).all() else math.inf
 
 
 def _with_best_lag(fit: Fit) -> dict[str, Any]:
@@ -573,49 +478,48 @@ def _with_best_lag(fit: Fit) -> dict[str, Any]:
 
     Terms may have stood in for the lag: a plain drive has its say, too.
     """
-    step, plain = fit.rows.samples.sample_time, None
-    if not fit.rows.load_coefficient:
-        plain = replace(fit, terms=fit.table.add(first_model(fit.table)))
+    rows, step, tries = fit.rows, fit.rows.samples.sample_time, [fit]
+    plain = fit.table.add(first_model(fit.table))
+    if not rows.load_coefficient and set(plain) != set(fit.terms):
+        tries.append(replace(fit, terms=plain))
     sizes = np.geomspace(0.5, max(thresholds.LONGEST_LAG / step, 1.0), _LAGS) * step
-    for tried in filter(None, (fit, plain)):
-        error = _error_by(tried)
-        errors = {lag: error(fit.rows, lag)
-                  for lag in (0.0, *sizes.tolist(), *(-sizes).tolist())}
-        lag = min(errors, key=lambda one: errors[one])
-        # The lowest point of a parabola through the best lag of the grid and its neighbours.
-        for _ in range(3):
-            known = np.array(sorted(errors))
-            place = int(np.clip(np.searchsorted(known, lag), 1, len(known) - 2))
-            near = known[place - 1:place + 2]
-            bend, slope, _ = np.polyfit(near - lag, [errors[one] for one in near], 2)
-            if not bend > 0.0:
-                break
-            lag = float(np.clip(lag - 0.5 * slope / bend, near[0], near[-1]))
-            if lag in errors:
-                break
-            errors[lag] = error(fit.rows, lag)
-        lag = min(errors, key=lambda one: errors[one])
+    grid = np.array([*-sizes[::-1], 0.0, *sizes])
+    for tried in tries:
+        columns = _columns(tried, rows)
+
+        def error(lag: float, tried: Fit = tried, columns: np.ndarray = columns) -> float:
+            return _error(tried, shifted_in_time(columns, rows.samples, lag) if lag else columns)
+        errors = [error(float(lag)) for lag in grid]
+        place = int(np.clip(np.argmin(errors), 1, len(grid) - 2))
+        lag = float(minimize_scalar(
+            error, bounds=grid[[place - 1, place + 1]], method='bounded',
+            options={'xatol': _LAG_STEP * step}).x)
         least = thresholds.EQUIVALENT if fit.lag else 0.5 * thresholds.LAG_SHARE
-        if errors[lag] < (1.0 - least) * errors[0.0]:
-            return {**fit.settings, 'lag': fit.lag + float(lag)}
+        if error(lag) < (1.0 - least) * errors[len(sizes)]:
+            return {**fit.settings, 'lag': fit.lag + lag}
     return fit.settings
 
 
 def _with_best_motion(problem: Problem, fit: Fit) -> dict[str, Any]:
     """Return the source and bandwidth of motion, and of signals, with which terms predict best."""
-    error, raw, now = _error_by(fit), problem.raw, dict(fit.settings)
+    rows, now = fit.rows, dict(fit.settings)
 
-    def error_with(settings: dict[str, Any]) -> float:
-        return error(fit.rows.with_settings(raw, settings), 0.0)
+    def error(samples: Samples, motion: Any) -> float:
+        return _error(fit, _columns(fit, replace(rows, samples=samples, motion=motion)))
+
+    def error_with(**changed: np.ndarray) -> float:
+        return error(rows.samples.with_(**{
+            name: shifted_in_time(values, problem.raw, fit.lag) if fit.lag else values
+            for name, values in changed.items()}), rows.motion)
     # A load that is part of the target has to stay as it is.
-    if not fit.rows.load_coefficient:
-        now['signals'] = choose_signals(raw, lambda name, bandwidth: error_with(
-            {**now, 'signals': {**now.get('signals', {}), name: {'bandwidth': bandwidth}}}))
-    kept = {name: now[name] for name in ('lag', 'signals') if now.get(name)}
-    choices = [{**choice, **kept} for choice in resolved_settings(raw)]
-    least, choice = min(((error_with(choice), choice) for choice in choices),
-                        key=lambda entry: entry[0])
-    enough = (1.0 - thresholds.LEAST_SHARE) * error(fit.rows, 0.0)
+    needed = {name for term in fit.terms for name in term.kind.needs if name in MEASURED}
+    signals = {} if rows.load_coefficient else choose_signals(
+        problem.raw, sorted(needed), error_with)
+    kept = {'lag': now['lag']} if fit.lag else {}
+    errors = [(error(problem.moved(choice), arm_motion(problem.raw, rows.joints, choice)), choice)
+              for choice in ({**choice, **kept, **signals} for choice in problem.choices)]
+    least, choice = min(errors, key=lambda entry: entry[0])
+    enough = (1.0 - thresholds.LEAST_SHARE) * error(rows.samples, rows.motion)
     return choice if least < enough else fit.settings
 
 
