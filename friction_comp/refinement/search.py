@@ -325,7 +325,7 @@ def _with_current_loads(table: Table, terms: list[Term]) -> list[Term]:
 
 
 # Most times that filters, or a lag, are chosen with the terms found before.
-_FILTERS = 5
+_LAG_ROUNDS = 5
 # Number of lags that are tried on each side, from half a sample to the longest, and how exact the
 # best of them is made, in samples.
 _LAGS, _LAG_STEP = 9, 0.02
@@ -422,12 +422,16 @@ def find_best_fit(problem: Problem) -> Fit:
     """
     best = lagged = _at_best_motion(problem, search_with(problem, problem.plain_settings))
     # Terms stood in for a part of the lag: with them gone, it is found once more.
-    for _ in range(_FILTERS):
+    for _ in range(_LAG_ROUNDS):
         settings = _with_best_lag(lagged)
         if settings == lagged.settings:
             break
-        lagged = _at_best_motion(problem, search_with(
+        again = _at_best_motion(problem, search_with(
             problem, settings, lagged.terms[lagged.initial_count:]))
+        if lagged is not best and _mean_error(again) > (
+                1.0 + thresholds.LAG_SHARE) * _mean_error(lagged):
+            break
+        lagged = again
     late = lagged is not best and _with_late_terms(lagged)
     best = _with_late_terms(best)
     if late:
@@ -445,6 +449,11 @@ def _at_best_motion(problem: Problem, fit: Fit) -> Fit:
         return fit
     return _better(fit, search_with(problem, settings, fit.terms[fit.initial_count:]),
                    thresholds.EQUIVALENT)
+
+
+def _mean_error(fit: Fit) -> float:
+    """Return the squared error in regimes that were not fitted."""
+    return float(fit.table.errors(fit.terms).sum()) / len(fit.table.target)
 
 
 def _better(first: Fit, second: Fit, least: float) -> Fit:
