@@ -262,10 +262,10 @@ class _Cdr:
         self.fixed.extend(range(begin, self.at))
         return int(struct.unpack_from(f'{self.order}I', self.raw, begin)[0])
 
-    def text(self) -> str:
-        """Return a text."""
+    def text(self, matters: bool = True) -> str:
+        """Return a text, which is a part of the layout if it `matters`."""
         begin = self.place(1, self.count())
-        self.fixed.extend(range(begin, self.at))
+        self.fixed.extend(range(begin, self.at) if matters else ())
         return self.raw[begin:self.at - 1].decode()
 
     def texts(self) -> list[str]:
@@ -292,7 +292,8 @@ def _layout(raw: bytes, signal: str) -> _Layout:
     """Return the layout of a message; raises an error if it makes no sense."""
     cdr, stamp, kind = _Cdr(raw), dict[str, tuple[str, int]](), 'f8'
     if signal in ('current_command', 'direction'):
-        labels = [(cdr.text(), cdr.place(4, 2))[0] for _ in range(cdr.count())]
+        # The first label is the stamp of the state that is answered, another one in each message.
+        labels = [(cdr.text(k > 0), cdr.place(4, 2))[0] for k in range(cdr.count())]
         cdr.place(4)
         kind = 'i1' if signal == 'direction' else 'f8'
         unit = TORQUE_UNIT * (labels[1:2] == [TORQUE_UNIT])
