@@ -117,6 +117,14 @@ def at_times(times: np.ndarray, own: np.ndarray, values: np.ndarray, hole: float
     return interpolated
 
 
+def whole_numbers(values: np.ndarray) -> str:
+    """Return that values, shape (N,), are whole numbers, as of a register; '' if they are not."""
+    values = values[np.isfinite(values)]
+    whole = len(values) >= _FEWEST // 2 and len(np.unique(values[:100_000])) > 3 and (
+        values == np.round(values)).all()
+    return 'holds whole numbers' * bool(whole)
+
+
 def not_in_radians(position: np.ndarray, seconds: float = math.inf) -> str:
     """Return what tells that positions, shape (N,), are not in rad; '' if nothing does.
 
@@ -131,8 +139,8 @@ def not_in_radians(position: np.ndarray, seconds: float = math.inf) -> str:
                 'degrees or that of the motor before the gear')
     if len(position) < _FEWEST:
         return ''
-    if np.ptp(position) > 2.0 * np.pi and np.array_equal(position, np.round(position)):
-        return 'holds whole numbers'
+    if fault := whole_numbers(position):
+        return fault
     size = np.abs(np.diff(position))
     for unit, turn in _TURNS.items():
         around = np.ptp(position) <= 1.001 * turn and size.max() > 0.9 * turn

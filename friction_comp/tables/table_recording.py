@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.errors import errors_name, InputError, one_of
-from friction_comp.facts.motion import at_times, not_in_radians
+from friction_comp.facts.motion import at_times, not_in_radians, whole_numbers
 from friction_comp.facts.recorded import check_plausible, moves, not_in_seconds, tidied, usable
 from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.statistics import gap_length
@@ -209,11 +209,7 @@ def _unit_fault(column: Column, values: np.ndarray) -> str:
     """Return what tells that values without a unit are not in SI units; '' if nothing does."""
     if column.stated or column.signal not in _EXAMPLES:
         return ''
-    values = values[np.isfinite(values)]
-    fault = not_in_radians(values) if column.signal == 'position' else ''
-    whole = len(values) >= 50 and len(np.unique(values[:100_000])) > 3 and (
-        values == np.round(values)).all()
-    return fault or 'holds whole numbers' * bool(whole)
+    return not_in_radians(values) if column.signal == 'position' else whole_numbers(values)
 
 
 def _in_order(columns: Columns, time: np.ndarray, notes: list[str]) -> tuple[Columns, np.ndarray]:
