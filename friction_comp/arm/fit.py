@@ -65,22 +65,10 @@ from friction_comp.samples import Samples
 # Share of the work for the rigid bodies.
 _BODIES = 0.2
 FEWEST = 200  # samples
-# Regularisation, in squared standard deviations of one sample.
-_STRENGTH = 100.0
 # Share by which another direction of gravity than the URDF's, or other scales than those assumed,
 # must lower the errors.
 _CLEARLY_BETTER = 0.15
-# Least share of a joint's current that friction must explain for its sign to be judged.
-_LEAST_FRICTION = 0.1
-_ROUNDS = 3  # of reweighting
 _MOST_ROWS = {'choice': 8000, 'final': 40000}
-_BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
-# Prior standard deviation of the logarithm of current per torque. If unknown, it is large, since
-# drives of one arm differ. If declared, the links are fitted with the declared values; their errors
-# appear in the joint's own refinement, where the rigid bodies' torque has a free coefficient.
-_UNKNOWN_WIDTH, _DECLARED_WIDTH = 1.0, 1e-3
-# Steps by which constants are changed, see `search.step_size`: a parabola gives the best.
-_STEPS = (0.5, 0.1)
 
 
 @dataclass(frozen=True)
@@ -268,7 +256,8 @@ class Beside:
     def _adjusted(self, terms: Terms) -> list[JointTerm]:
         """Return terms with each constant where a parabola through three values has its least."""
         chosen = list(terms)
-        for size in _STEPS:
+        # In steps of `search.step_size`.
+        for size in (0.5, 0.1):
             free = search.free_constants(chosen)
             sides = [[self._moved_term(chosen, index, name, step) for step in (-size, size)]
                      for index, name in free]
@@ -397,8 +386,10 @@ class _Problem:
         typical = _typical_scale(sums, self.bodies)
         scale = np.full(len(self.joints), typical or 1.0)
         prior = Prior(
-            self.bodies, _STRENGTH, np.log(scale if self.declared is None else self.declared),
-            _UNKNOWN_WIDTH if self.declared is None else _DECLARED_WIDTH,
+            self.bodies, np.log(scale if self.declared is None else self.declared),
+            # Drives of one arm differ. With declared values, their errors appear in the joint's own
+            # refinement, where the rigid bodies' torque has a free coefficient.
+            1.0 if self.declared is None else 1e-3,
             signs_at(indices, len(self.joints)))
         if typical is None:
             return _Trial(math.inf, settings, terms, sums, prior, prior.mean, tree)
@@ -437,7 +428,8 @@ def _mounted(problem: _Problem, best: _Trial) -> tuple[_Problem, _Trial]:
 
 def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
     arm = joints[0].arm
-    return candidate_settings(joints[0], None if arm is None else arm.velocity, _BANDWIDTHS)
+    return candidate_settings(joints[0], None if arm is None else arm.velocity,
+                              (2.0, 5.0, 10.0, 20.0, 40.0))
 
 
 def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
@@ -456,7 +448,7 @@ def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
         if own[-1, -1] > 0.0:
             # Friction as a share of the current; if it is small, the joint hardly moved.
             friction = math.sqrt(max(coefficients[2:4] @ own[2:4, 2:4] @ coefficients[2:4], 0.0))
-            if friction > _LEAST_FRICTION:
+            if friction > 0.1:
                 resisting.append(coefficients[2] / norm[2] + coefficients[3] / norm[3] > 0.0)
         if coefficients[0] > 0.0:
             scales.append(math.log(coefficients[0] * norm[-1] / norm[0]))
@@ -474,7 +466,7 @@ def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
 
 def _reweighted_fit(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, np.ndarray]:
     """Fit with each joint weighted by its inverse residual variance; return problem and fit."""
-    for _ in range(_ROUNDS):
+    for _ in range(3):
         x = solver.solve(problem.total, prior, x)
         residual = solver.squared_errors(problem.total, prior, x) / np.maximum(problem.counts, 1.0)
         residual = np.maximum(residual, 1e-24)

@@ -37,17 +37,9 @@ from friction_comp.statistics import student_quantile
 # their coefficients must not be negative.
 FRICTION, FRICTION_SIGNS = 4, (0, 1, 1, 1)
 STRETCHES, FOLDS = 12, 3
-# As shares of a joint's usual top speed: friction changes its sign within the first; below the
-# second, the joint stands still.
-_TRANSITION, _STILL = 0.03, 0.01
-# Most steps of the solver; it stops after one that gains less than this, in squared standard
-# deviations of one sample, or if the damping exceeds its limit.
-_STEPS, _CONVERGED, _LEAST_CHANGE, _MOST_DAMPING = 60, 0.05, 0.2, 1e12
-# Share by which the recording must reduce the variance of a parameter for it to have an interval.
-_LEAST_REDUCTION = 0.5
-
-# Least mass in kg and extent in m; many URDFs have massless links that only define frames.
-_LEAST_MASS, _LEAST_RADIUS = 1e-3, 1e-3
+# Weight of the squared distance between a link and the URDF's (see `Bodies`), in squared standard
+# deviations of one sample.
+_STRENGTH = 100.0
 _UPPER = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
 
 
@@ -71,12 +63,13 @@ def parameters_of(pseudo: np.ndarray) -> np.ndarray:
 def nearest_possible(parameters: ArrayLike) -> np.ndarray:
     """Return the ten parameters with mass and extent raised as far as a possible body needs."""
     pseudo = pseudo_inertia(parameters)
-    mass = max(pseudo[3, 3], _LEAST_MASS)
+    # In kg and m: many URDFs have massless links that only define frames.
+    mass = max(pseudo[3, 3], 1e-3)
     centre = pseudo[:3, 3] / mass
     # Second moments about the centre of mass, which describe the link's extent.
     spread = pseudo[:3, :3] - mass * np.outer(centre, centre)
     sizes, axes = np.linalg.eigh(spread)
-    largest = max(float(sizes[-1]), mass * _LEAST_RADIUS ** 2)
+    largest = max(float(sizes[-1]), mass * 1e-3 ** 2)
     sizes = np.maximum(sizes, 1e-2 * largest)
     result = np.empty((4, 4))
     result[:3, :3] = (axes * sizes) @ axes.T + mass * np.outer(centre, centre)
@@ -152,7 +145,7 @@ class ArmRows:
         """The columns of links, friction, rotor and current, (N, J, 10·J + FRICTION + 1)."""
         _, v, a = self.motion
         return np.concatenate((self.chain.regressor(*self.motion), np.stack(
-            (np.ones_like(v), np.tanh(v / (_TRANSITION * top_speeds(v))), v, a,
+            (np.ones_like(v), np.tanh(v / (0.03 * top_speeds(v))), v, a,
              np.column_stack([one.current for one in self.samples])), axis=2)), axis=2)
 
     @functools.cached_property
@@ -193,7 +186,7 @@ def rows_of(chain: Chain, joints: list[Samples], settings: dict[str, Any], most_
     samples = [one.take(rows).with_(position=q[:, k], velocity=v[:, k], acceleration=a[:, k])
                for k, one in enumerate(joints)]
     # At rest, stiction can take any value; but a joint that hardly ever moves has no other data.
-    moving = np.abs(v) > _STILL * top_speeds(v)
+    moving = np.abs(v) > 0.01 * top_speeds(v)
     moves = moving.mean(axis=0) > 0.2
     fitted = np.where(moves, moving, True)
     # An effort that is constant, such as zeros of a gripper, is not a measurement.
@@ -218,9 +211,6 @@ class Prior:
     """
 
     bodies: Bodies  # the URDF's links
-    # Weight of the squared distance between a link and the URDF's (see `Bodies`), in squared
-    # standard deviations of one sample.
-    strength: float
     log_scale: np.ndarray  # (J,): logarithm of each joint's current per torque, A per N·m
     log_width: float  # standard deviation of `log_scale`
     # (J, F): 1 where a coefficient of friction or of another effect must not be negative, else 0.
@@ -245,7 +235,7 @@ class Prior:
     @property
     def precision(self) -> np.ndarray:
         """The inverse of their variance, (U,)."""
-        weights = [self.strength, self.log_width ** -2, 0.0]
+        weights = [_STRENGTH, self.log_width ** -2, 0.0]
         return np.repeat(weights, [self.links.stop, len(self.log_scale), self.signs.size])
 
     @property
@@ -291,8 +281,8 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     lowest = prior.lowest
     x = np.maximum(start, lowest)
     loss, gradient, hessian = loss_gradient_hessian(matrices, prior, x)
-    damping, growth = prior.strength, 2.0
-    for _ in range(_STEPS):
+    damping, growth = _STRENGTH, 2.0
+    for _ in range(60):
         free = ~((x <= lowest) & (gradient > 0.0))
         own = hessian[np.ix_(free, free)]
         damped = damping * (np.flatnonzero(free) < prior.scales.stop)
@@ -306,14 +296,15 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
             step, gain = (trial - x)[free], loss - after[0]
             predicted = max(-step @ (gradient[free] + 0.5 * own @ step), gain)
             x, (loss, gradient, hessian) = trial, after
-            if gain < _CONVERGED:
+            # In squared standard deviations of one sample.
+            if gain < 0.05:
                 break
-            damping *= max(_LEAST_CHANGE, 1.0 - (2.0 * gain / predicted - 1.0) ** 3)
+            damping *= max(0.2, 1.0 - (2.0 * gain / predicted - 1.0) ** 3)
             growth = 2.0
         else:
             damping *= growth
             growth *= 2.0
-            if damping > _MOST_DAMPING:
+            if damping > 1e12:
                 break
     return x
 
@@ -364,9 +355,9 @@ def confidence_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> 
     # A mass is positive, even if the linearised interval includes negative values.
     bounds[:, 0] = np.maximum(bounds[:, 0], 0.0)
     _, slopes_of_urdf = prior.bodies.parameters(np.zeros_like(x[prior.links]))
-    prior_variance = np.sum(slopes_of_urdf ** 2, axis=2) / prior.strength
+    prior_variance = np.sum(slopes_of_urdf ** 2, axis=2) / _STRENGTH
     from_recording = np.clip(1.0 - variance / np.maximum(prior_variance, 1e-300), 0.0, 1.0)
-    bounds[from_recording < _LEAST_REDUCTION] = -np.inf, np.inf
+    bounds[from_recording < 0.5] = -np.inf, np.inf
 
     # The unknowns are the logarithms of the scales.
     scales = x[prior.scales]

@@ -31,17 +31,8 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.statistics import rms, student_quantile
 
-# Shares by which the error may increase: for a transition that is centred and gentle; and, of the
-# largest current, for one that is centred within a quarter of the lowest speed. Means at constant
-# velocity scatter by a tenth of that; where a table shows another centre, it has a point between,
-# which is off by friction.
-_TOLERANCE, _CENTRED = 3e-4, 0.1
-# rad/s at which a transition that no speed resolves has ended (in drives, at 1 to 5 deg/s), and
-# that end in units of one over the steepness. So few points leave the transition open.
-_ENDS, _ENDED, _FEW = math.radians(5.0), 2.0 * math.atanh(0.98), 6
-# Rounds of reweighting, to rank transitions and to compare the best ones; rounds of the closer
-# search, whose steps are halved where none is better.
-_RANK, _CLOSE, _ROUNDS = 8, 30, 40
+# So few points leave the transition open. Rounds of reweighting, to compare the best ones.
+_FEW, _CLOSE = 6, 30
 _STEPS = np.array(list(itertools.product((0.0, -1.0, 1.0), repeat=2)))
 
 # Eq. 6.
@@ -65,7 +56,7 @@ def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]
     unit = float(np.max(np.abs(speeds)))
     height = float(np.max(np.abs(currents))) or 1.0
     x, y = speeds / unit, currents / height
-    steepness, shift = _well_behaved(x, y, *_search(x, y), _ENDS / unit)
+    steepness, shift = _well_behaved(x, y, *_search(x, y), math.radians(5.0) / unit)
     middle, half, viscous = _fit(x, y, np.array([steepness]), shift, 2 * _CLOSE)[1][0] * height
     sigmoid = Sigmoid(upper=float(middle + half), lower=float(middle - half),
                       steepness=steepness / unit, shift=shift * unit, viscous=float(viscous / unit))
@@ -112,11 +103,12 @@ def _search(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     shift = np.concatenate([beside.reshape(-1, len(steepness)),
                             np.repeat(np.linspace(-1.0, 1.0, 41)[:, None], len(steepness), axis=1)])
     shift = np.clip(shift, -1.0, 1.0)
-    errors = _fit(x, y, np.tile(steepness, len(shift)), shift.ravel(), _RANK)[0]
+    errors = _fit(x, y, np.tile(steepness, len(shift)), shift.ravel(), 8)[0]
     order = np.argsort(errors.reshape(shift.shape), axis=0)[:2]
     now = np.column_stack([np.tile(steepness, 2), np.take_along_axis(shift, order, 0).ravel()])
     reach = np.ones((len(now), 1))
-    for _ in range(_ROUNDS):
+    # A closer search, whose steps are halved where none is better.
+    for _ in range(40):
         trial = np.stack([
             np.clip(now[:, :1] * np.exp(reach * _STEPS[:, 0]), 0.5, steepest),
             np.clip(now[:, 1:] + reach * _STEPS[:, 1] / now[:, :1], -1.0, 1.0)], axis=2)
@@ -139,7 +131,8 @@ def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float, 
     """
     (error,), (best,) = _fit(x, y, np.array([steepness]), shift, _CLOSE)
     lowest = float(np.min(np.abs(x[x != 0.0])))
-    limit, ended = 0.25 * lowest, _ENDED / min(lowest, ends)
+    # In drives, transitions end at 1 to 5 deg/s.
+    limit, ended = 0.25 * lowest, 2.0 * math.atanh(0.98) / min(lowest, ends)
     gentler = np.geomspace(0.5, max(4.0 * steepness, 2.0 * ended), 120)
     first = np.argsort(gentler < ended, kind='stable')
 
@@ -150,10 +143,12 @@ def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float, 
         for centre in np.linspace(0.0, math.copysign(limit, shift), 6).tolist():
             errors = errors_at(centre)
             least = float(errors[gentler >= ended].min() if x.size <= _FEW else errors.min())
-            if least <= error + _CENTRED:
+            # Of the largest current: means at constant velocity scatter by a tenth of that, and a
+            # table that shows another centre has a point between, which is off by friction.
+            if least <= error + 0.1:
                 error, shift = least, centre
                 break
-    bound = error * (1.0 + _TOLERANCE) + 1e-9 * x.size
+    bound = error * (1.0 + 3e-4) + 1e-9 * x.size
     for centre in dict.fromkeys((shift * np.concatenate(([0.0], np.geomspace(1e-3, 1.0, 24)))
                                  ).tolist()):
         alike = errors_at(centre) <= bound

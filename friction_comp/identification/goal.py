@@ -22,9 +22,6 @@ GOAL_LIMITS = {
     'ramp_slope': (1e-4, 100.0, 'A/s'), 'ramp_period': (1.0, 1000.0, 's'),
     'breakaway_cycles': (1, 10_000, '')}
 """Lowest and highest value of each field of a goal, and of its default, with its unit."""
-# Share of the motion range that the profiles use: the rest is a margin for control errors; shortest
-# phase of constant velocity, s; most speeds; longest trajectory, s.
-_USED_SHARE, _SHORTEST, _MOST_SPEEDS, _LONGEST = 0.9, 0.12, 1000, 3600.0
 SETTLING, FEWEST = 0.25, 6
 """Time in s at the beginning of a constant-velocity phase that is not used, and fewest samples of
 the rest for an average."""
@@ -119,9 +116,9 @@ class IdentificationGoal(MotionGoal):
             raise InputError(f'speeds must be numbers, not {self.speeds!r}') from None
         for speed in speeds:
             check_field('speeds', speed)
-        if not 2 <= len(speeds) <= _MOST_SPEEDS:
+        if not 2 <= len(speeds) <= 1000:
             raise InputError('speeds: at least two different magnitudes are needed, and at most '
-                             f'{_MOST_SPEEDS}')
+                             '1000')
         for name in GOAL_LIMITS.keys() - {'speeds'}:
             if name != 'ramp_slope' or self.ramp_slope is not None:
                 check_field(name, getattr(self, name))
@@ -133,7 +130,8 @@ class IdentificationGoal(MotionGoal):
 
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return duration T in s and width in rad of the cycle at a speed (Eq. 5)."""
-        width = min(_USED_SHARE * self.motion_range, 0.4 * speed * self.longest_cycle)
+        # The rest of the range is a margin for control errors.
+        width = min(0.9 * self.motion_range, 0.4 * speed * self.longest_cycle)
         return 2.5 * width / speed, width
 
     def too_short(self, speed: float, step: float) -> str:
@@ -142,7 +140,7 @@ class IdentificationGoal(MotionGoal):
         # A fifth more than needed, as they may come unevenly; without what settles, see
         # `constant_velocity_windows`.
         needed = 1.2 * FEWEST * step
-        shortest = max(_SHORTEST / 0.3, min(needed / 0.12, (needed + SETTLING) / 0.3))
+        shortest = max(0.12 / 0.3, min(needed / 0.12, (needed + SETTLING) / 0.3))
         return '' if duration >= shortest else (
             f'within {width:.2g} rad, {speed:g} rad/s is over too soon for states at '
             f'{1.0 / step:.0f} Hz: widen motion_range to '
@@ -173,7 +171,7 @@ class TrajectoryGoal(MotionGoal):
                 (np.isfinite(points).all(), 'contains a number that is not finite'),
                 ((np.diff(self.times) > 0.0).all() and self.times[0] >= 0.0,
                  'has times that do not ascend'),
-                (self.times[-1] <= _LONGEST, f'takes longer than {_LONGEST:g} s'),
+                (self.times[-1] <= 3600.0, 'takes longer than 3600 s'),
                 (max(abs(self.velocities[0]), abs(self.velocities[-1])) <= 1e-6,
                  'does not begin and end at rest'),
                 (np.ptp(self.positions) > 0.0, 'does not move the joint')):

@@ -34,20 +34,8 @@ from friction_comp.statistics import noise_level, rms
 
 MAX_SCATTER = 0.15
 """Standard deviation above which a current does not measure friction, a share of it."""
-STAIR, SLIDING_STAIR = 0.01, 0.03
-"""Height of a stair as a share of its current, and of one above a current that did not hold."""
-STAIR_TIME = 0.08
-"""Time in s that a rise of current takes beyond that of its slope: one that is too quick shakes the
-joint, and a contact with little damping creeps while it is shaken."""
 SHORTEST_PAUSE, LONGEST_PAUSE = 0.15, 2.4
 """Times on a stair, s: doubled from the shortest on until the joint rests, or slides."""
-SLIDE_SHARE = 0.5
-"""A joint slides that moves during a pause by this share of all its movement on the ramp before."""
-# Least depth of a ramp's curve below its hull, as a share of breakaway, share of the ramps in each
-# direction that must exceed it (not every ramp crosses backlash), and depth from which on a ramp
-# has crossed some where it is seen. Gears without backlash stay below in at least one direction;
-# chains of Maxwell elements exceed 0.03; those with visible backlash have 0.05 to 0.24 in both.
-_DEPTH, _SHARE, _CROSSED = 0.04, 0.2, 0.015
 
 
 # Cycles.
@@ -427,15 +415,17 @@ def find_backlash(curves: Sequence[RampFriction], directions: np.ndarray, onward
     between the teeth: a ramp `onward` crosses what is left ahead, one against it what is behind.
     """
     depths, places = np.array([curve.upturn() for curve in curves]).T
-    upturns = np.where(depths > _CROSSED, places, 0).astype(int).tolist()
-    shares = [np.mean(depths[directions == sign] > _DEPTH) for sign in (1, -1)
+    upturns = np.where(depths > 0.015, places, 0).astype(int).tolist()
+    # Gears without backlash stay below 0.04 in at least one direction; chains of Maxwell elements
+    # exceed 0.03; those with visible backlash have 0.05 to 0.24 in both, but not on every ramp.
+    shares = [np.mean(depths[directions == sign] > 0.04) for sign in (1, -1)
               if np.any(directions == sign)]
     # Smoothing shows an impact half a window before it happens.
     crossed = np.array([curve.position[min(at + curve.half, len(curve.position) - 1)] * (at > 0)
                         for curve, at in zip(curves, upturns)])
     backlash = sum(_medians(crossed, onward))
     # A contact that is stiffer on one side also curves upwards, but in one direction only.
-    if len(shares) < 2 or min(shares) < _SHARE or backlash < 3.0 * resolution:
+    if len(shares) < 2 or min(shares) < 0.2 or backlash < 3.0 * resolution:
         return 0.0, [0] * len(curves)
     return backlash, upturns
 

@@ -260,7 +260,8 @@ class IdentificationRun(SupervisedRun):
             rested = yield from self._pause(sign * current, watch)
             if rested is not None:
                 held, level = rested, current
-            stair *= 1.0 + (shown.SLIDING_STAIR if watch.slides else shown.STAIR)
+            # Larger ones above a current that did not hold.
+            stair *= 1.03 if watch.slides else 1.01
         before, self._slid = self._slid, sign
         if held is None:
             return None, stair
@@ -268,7 +269,8 @@ class IdentificationRun(SupervisedRun):
 
     def _rise(self, low: float, high: float, watch: _Slide) -> Motion:
         """Raise the current from `low` to `high`, A, without shaking the joint."""
-        begin, duration = self.sample.time, (high - low) / self.ramp_slope + shown.STAIR_TIME
+        # A rise that is too quick shakes the joint, and a contact with little damping then creeps.
+        begin, duration = self.sample.time, (high - low) / self.ramp_slope + 0.08
         share = 0.0
         while share < 1.0 and not watch.gone:
             share = min((self.sample.time - begin) / duration, 1.0)
@@ -286,9 +288,10 @@ class IdentificationRun(SupervisedRun):
             if shown.rests(time, position, watch.sign, self._resolution):
                 watch.rest()
                 return shown.Held(begin, self.sample.time, self.sample.position)
+            # It slides if it moves by half of all its movement on the ramp before.
             moved = watch.sign * (self.sample.position - position[0])
             if (watch.slides or duration >= shown.LONGEST_PAUSE
-                    or moved > shown.SLIDE_SHARE * watch.sign * (position[0] - watch.home)):
+                    or moved > 0.5 * watch.sign * (position[0] - watch.home)):
                 break
             duration *= 2.0
         watch.slides = True

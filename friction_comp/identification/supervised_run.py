@@ -50,12 +50,10 @@ PATIENCE, STILL_TIME = 10.0, 0.2
 """Longest time to come to rest, and standstill before each ramp, s."""
 GAINS = (1.0, 0.4, 0.16, 0.064)
 """Factors of the controller's bandwidth: one is dropped when the joint oscillates with it."""
-# Smallest commanded current that is compared, as a share of one that breaks the joint free; gain
-# that is no answer at all; longest step between samples that is integrated, s.
-_LEAST_SHARE, _NO_ANSWER, _STEP = 0.02, 0.05, 0.02
-# A joint oscillates if large currents change their sign so often within so many s; it is not said
-# to be blocked while it does.
-_SWINGS, _SWING_TIME = 4, 0.5
+# Smallest commanded current that is compared, as a share of one that breaks the joint free; longest
+# step between samples that is integrated, s. A joint oscillates if large currents change their sign
+# so often within so many s; it is not said to be blocked while it does.
+_LEAST_SHARE, _STEP, _SWINGS, _SWING_TIME = 0.02, 0.02, 4, 0.5
 # Speed at which the short push ends, rad/s. Beyond this share of the drive's limit, a current grows
 # only if the encoder has counted: a joint winds up before it breaks free, a dead encoder never
 # counts. Share of the expected motion that a joint must have made.
@@ -209,7 +207,7 @@ class Supervision:
                 f'the measured current stays at {self.say(self._currents.measured)} while '
                 f'{commanded} are commanded, although it followed smaller ones: the drive limits '
                 'its current, which current_limit must say, or it was switched off')
-        answers = abs(gain) > max(error, _NO_ANSWER)
+        answers = abs(gain) > max(error, 0.05)
         cause = (gain_fault(gain, self._drive) if answers else
                  'effort is not measured, or the drive is not enabled')
         if not answers or 0.0 < gain < 1.0:

@@ -9,42 +9,29 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from friction_comp.errors import InputError, mapping, number
+from friction_comp.errors import InputError, mapping, number, Reader
 from friction_comp.samples import Samples
 from friction_comp.statistics import median
 
 METHOD = 'zero-phase Butterworth'
 # Used if a model does not say how it was fitted.
 DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
-# Rounds of Jacobi's method: an error of a millionth of the change of a slope between samples.
-_ROUNDS = 20
-# Time steps that differ by a smaller share than this are uniform.
-_UNIFORM = 1e-3
-# A step of more median ones has lost a sample, a shorter one an early and a late stamp.
-_LOST = 1.75
 # Measured signals that a model may depend on, beside those of motion.
 MEASURED = ('load', 'temperature')
-# A run of equal values that is longer than this multiple of the usual one holds no new values.
-_HELD = 1.5
-# Share of velocities that repeat the one before, above which they are in whole counts.
-_REPEATED = 0.1
 _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
 
-def _method(value: Any, name: str) -> Any:
-    if value != METHOD:
-        raise InputError(f'{name} must be {METHOD!r}, not {value!r}')
-    return value
-
-
-def _source(value: Any, name: str) -> Any:
-    if value not in ('position', 'velocity'):
-        raise InputError(f"{name} must be 'position' or 'velocity', not {value!r}")
-    return value
+def _one_of(*words: str) -> Reader:
+    def read(value: Any, name: str) -> str:
+        if value not in words:
+            raise InputError(f'{name} must be {" or ".join(map(repr, words))}, not {value!r}')
+        return str(value)
+    return read
 
 
 settings_of = mapping({
-    'method': _method, 'source': _source, 'bandwidth': number(above=0.0), 'lag': number(),
+    'method': _one_of(METHOD), 'source': _one_of('position', 'velocity'), 'lag': number(),
+    'bandwidth': number(above=0.0),
     'signals': mapping(mapping({'bandwidth': number(above=0.0)}), MEASURED)})
 """Reads the differentiation settings of a section of a model file; see `differentiate`."""
 
@@ -75,7 +62,7 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         if len(time) < 3:
             continue
         step = np.diff(time)
-        if np.ptp(step) >= _UNIFORM * median(step):
+        if np.ptp(step) >= 1e-3 * median(step):
             time = _increasing(_smooth(
                 _times_of(_increasing(time), samples.position[part]), samples.sample_time,
                 bandwidth))
@@ -125,19 +112,17 @@ def _between_held(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     usual = float(np.median(runs)) if len(runs) > 2 else 1.0
     if usual < 2.0:
         return values
-    # A signal that rests has equal values, each of them measured: the last is kept as well.
-    last = (new[1:] - round(usual))[runs > _HELD * usual]
+    # A signal that rests has longer runs of equal values, each measured: the last is kept as well.
+    last = (new[1:] - round(usual))[runs > 1.5 * usual]
     knots = np.union1d(new, last)
     return np.interp(time, time[knots], values[knots])
 
 
 def time_in_recording(samples: Samples) -> np.ndarray:
     """Return the time in s since the start of each sample's recording, shape (N,)."""
-    time = np.array(samples.time, dtype=float)
-    starts = np.nonzero(np.diff(samples.recording, prepend=samples.recording[:1] - 1))[0]
-    for begin, end in zip(starts, [*starts[1:], len(time)]):
-        time[begin:end] -= time[begin]
-    return time
+    starts = np.flatnonzero(np.diff(samples.recording, prepend=samples.recording[:1] - 1))
+    return np.asarray(samples.time - np.repeat(
+        samples.time[starts], np.diff(starts, append=len(samples))))
 
 
 def advance(samples: Samples, lag: float) -> Samples:
@@ -207,19 +192,20 @@ def _derivative(values: np.ndarray, time: np.ndarray, smooth: bool = False) -> n
 def _spline_slope(values: np.ndarray, step: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """Return the slope of the cubic spline through values, (N,), with that of `slope` at its ends.
 
-    Its equations are solved by Jacobi's method, each round of which halves the error at least.
+    Its equations are solved by Jacobi's method, each round of which halves the error at least, to a
+    millionth.
     """
     secant, own, after = np.diff(values) / step, step[:-1], step[1:]
     right, both = 3.0 * (after * secant[:-1] + own * secant[1:]), 2.0 * (own + after)
     result = slope.copy()
-    for _ in range(_ROUNDS):
+    for _ in range(20):
         result[1:-1] = (right - after * result[:-2] - own * result[2:]) / both
     return result
 
 
 def _in_counts(velocity: np.ndarray) -> bool:
-    """Return whether a velocity, shape (N,), is in counts: many repeat the one before."""
-    return bool(np.mean((np.diff(velocity) == 0.0) & (velocity[1:] != 0.0)) > _REPEATED)
+    """Return whether a velocity, shape (N,), is in counts: a tenth repeats the one before."""
+    return bool(np.mean((np.diff(velocity) == 0.0) & (velocity[1:] != 0.0)) > 0.1)
 
 
 def _times_of(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -230,7 +216,8 @@ def _times_of(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
     """
     step = np.diff(stamps)
     usual = median(step)
-    run = np.concatenate(([0], np.cumsum(step > _LOST * usual)))
+    # A shorter step is an early and a late stamp, a longer one has lost a sample.
+    run = np.concatenate(([0], np.cumsum(step > 1.75 * usual)))
     # A straight line through the stamps of each run, about their means.
     count, place = np.bincount(run), np.arange(len(stamps))
     from_middle = place - (np.bincount(run, place) / count)[run]

@@ -101,9 +101,6 @@ class SearchRange:
 Tried = Sequence[float] | np.ndarray | Callable[[Coverage], Sequence[float] | np.ndarray]
 """Values of a constant that a search tries, or how they follow from what is covered."""
 
-# Fewest positions of a fine encoder: with fewer, a hundredth of the range is a step or two.
-_COARSE = 150
-
 
 def turns_seldom(coverage: Coverage) -> bool:
     """Return whether the joint stays within two turns: something can happen at one position."""
@@ -112,15 +109,14 @@ def turns_seldom(coverage: Coverage) -> bool:
 
 def too_coarse(coverage: Coverage) -> bool:
     """Return whether the encoder gave too few positions to see lag, presliding and the like."""
-    return coverage.distinct_positions < _COARSE
+    # With fewer, a hundredth of the range is a step or two.
+    return coverage.distinct_positions < 150
 
 
 _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
              'gap', 'time_constant', 'speed')
 # Parts of the load that effects put on the gear, constants of those that use it.
 LOADS = ('cosine', 'sine', 'slope', 'offset', 'inertia')
-# Samples up to which states are computed without a compiler.
-_SHORT = 4000
 # Signals of which a recording has a range.
 _VALUES = ('position', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
@@ -275,7 +271,8 @@ class Effect(ABC):
         begins, start = segment_starts(samples), cls.start(sign + np.zeros(len(samples)), c)
         time, position, velocity = (np.ascontiguousarray(values, dtype=float) for values in (
             samples.time, samples.position, samples.velocity))
-        if len(samples) > _SHORT:
+        # Up to so many samples, states are computed without a compiler.
+        if len(samples) > 4000:
             from friction_comp.model.compiled import all_states, KINDS, Memory
 
             if cls.name in KINDS:
@@ -394,17 +391,14 @@ def segment_starts(samples: Samples) -> np.ndarray:
     return starts
 
 
-# Percentage of the samples beyond each edge: a few outliers are sensor errors.
-_TAIL = 0.1
-
-
 def with_range(effect: Effect, samples: Samples) -> Effect:
     """Return the effect with a valid range: that of these samples, plus `range_margins`."""
     ranges = {}
     for name, beyond in effect.range_margins.items():
         values = getattr(samples, name)
         if values is not None and len(values) and math.isfinite(beyond):
-            low, high = np.percentile(values, (_TAIL, 100.0 - _TAIL))
+            # A few outliers are sensor errors.
+            low, high = np.percentile(values, (0.1, 99.9))
             more = beyond * (high - low)
             ranges[name] = (float(low - more), float(high + more))
     twin = copy.copy(effect)

@@ -323,29 +323,20 @@ class InnerLoadFriction(Effect):
                 'of_inertia': self.values['with_inertia'] * self.values['inertia']}
 
 
-_BINS_A_PERIOD, _MOST_BINS = 4, 1 << 17
 # Fewest waves over the range of position, to distinguish a wave from a slope.
 FEWEST_PERIODS = 1.5
-# Frequencies proposed for each shape of ripple, neighbourhoods of a spectrum, and how much farther
-# than ln N means the largest of noises is in one of ten cases.
-_PEAKS, _NEIGHBOURHOODS, _ONE_OF_TEN = 4, 16, 2.25
-# Positions of bumps proposed for each width, and the fewest rows by which one is judged.
-_PLACES, _FEWEST = 2, 20
-# Largest spread of a speed that is constant except for starts and reversals: motion to and fro at
-# one speed has 0.25 to 0.35; production strokes, several speeds and sines have 0.46 and more.
-_NEARLY_ONE_SPEED = 0.4
 
 
 def above_noise(power: np.ndarray) -> np.ndarray:
     """Return which powers of a spectrum no noise has, bool, (M,), but in one of ten spectra.
 
-    Of N powers of white noise about their mean, the largest is about ln N times it; the spectrum
-    has four for each. The mean is that of the neighbourhood, by its median: what is left of a fit
-    is no white noise.
+    Of N powers of white noise about their mean, the largest is about ln N times it, and 2.25 more
+    in one of ten cases; the spectrum has four for each. The mean is that of the neighbourhood, one
+    of 16, by its median: what is left of a fit is no white noise.
     """
-    parts = np.array_split(power, max(1, min(_NEIGHBOURHOODS, len(power) // 64)))
+    parts = np.array_split(power, max(1, min(16, len(power) // 64)))
     mean = np.concatenate([np.full(len(part), np.median(part)) for part in parts]) / math.log(2.0)
-    return np.asarray(power > mean * (math.log(max(0.25 * len(power), 1.0)) + _ONE_OF_TEN))
+    return np.asarray(power > mean * (math.log(max(0.25 * len(power), 1.0)) + 2.25))
 
 
 def spectrum_peaks(view: ResidualView, amplitude: np.ndarray) -> list[float]:
@@ -361,7 +352,7 @@ def spectrum_peaks(view: ResidualView, amplitude: np.ndarray) -> list[float]:
     energy = float(amplitude @ amplitude)
     if not highest * span > 2.0 * math.pi * FEWEST_PERIODS or energy <= 0.0:
         return []
-    bins = min(math.ceil(_BINS_A_PERIOD * highest * span / (2.0 * math.pi)) + 1, _MOST_BINS)
+    bins = min(math.ceil(4 * highest * span / (2.0 * math.pi)) + 1, 1 << 17)
     width = span / bins
     index = np.minimum(((view.position - view.position.min()) / width).astype(np.int64), bins - 1)
     sums = np.bincount(index, amplitude * view.residual, minlength=bins)
@@ -377,7 +368,7 @@ def spectrum_peaks(view: ResidualView, amplitude: np.ndarray) -> list[float]:
     k, power = k[keep], power[keep]
     found: list[float] = []
     for row in np.argsort(power)[::-1][:2000]:
-        if len(found) < _PEAKS and all(abs(k[row] - other) > separation for other in found):
+        if len(found) < 4 and all(abs(k[row] - other) > separation for other in found):
             found.append(float(k[row]))
     return found
 
@@ -455,8 +446,9 @@ class Bump(Effect):
     tried = {'position': lambda coverage: (0.5 * (coverage.lowest + coverage.highest),),
              'width': lambda coverage: np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5),
              'exponent': (2.0,), 'directional': (1.0, 0.0)}
-    # At one speed, the few samples of starts and reversals look like bumps.
-    shown_by = (turns_seldom, lambda coverage: coverage.speed_spread >= _NEARLY_ONE_SPEED)
+    # At one speed to and fro, whose spread is 0.25 to 0.35, the few samples of starts and reversals
+    # look like bumps; production strokes, several speeds and sines have 0.46 and more.
+    shown_by = (turns_seldom, lambda coverage: coverage.speed_spread >= 0.4)
     summary = 'Bump: {A:+.3g} A at {position:.4g} rad, with a width of {width:.2g} rad'
     equation = '{A:+.5g}·exp(-0.5·(|q - {position:.6g}|/{width:.5g})^{exponent:.5g})'
     factors = {'directional': '·tanh(v/{transition:.5g})'}
@@ -479,10 +471,10 @@ class Bump(Effect):
             places = constants['position'] + width * np.arange(-each_way, each_way + 1)
             low, high = (np.searchsorted(position, places + way) for way in (-width, width))
             count, sums = high - low, np.concatenate(([0.0], np.cumsum(values[order])))
-            score = np.where(count < _FEWEST, 0.0,
+            score = np.where(count < 20, 0.0,
                              (sums[high] - sums[low]) ** 2 / np.maximum(count, 1))
             proposed += [{**constants, 'position': float(places[k])}
-                         for k in np.argsort(score)[::-1][:_PLACES]]
+                         for k in np.argsort(score)[::-1][:2]]
         return proposed
 
     @staticmethod
@@ -490,10 +482,6 @@ class Bump(Effect):
         distance = np.minimum(abs(x.position - c.position) / c.width, 1e6)
         bell = np.exp(-np.minimum(0.5 * distance ** c.exponent, 700.0))
         return (bell * x.sign if c.directional else bell,)
-
-
-# Motors and gears warm up over minutes; below this time in s, other effects look the same.
-_SHORTEST = 30.0
 
 
 def _range(coverage: Coverage) -> float:
@@ -670,7 +658,8 @@ class OffsetDrift(Effect):
         1.7, limits=lambda coverage, _: (0.02 * coverage.duration, 5.0 * coverage.duration))}
     tried = {'time_constant': lambda coverage: np.geomspace(
         coverage.duration / 30.0, 5.0 * coverage.duration, 9)}
-    shown_by = (lambda coverage: coverage.duration >= _SHORTEST,)
+    # Motors and gears warm up over minutes; in less than half of one, other effects look the same.
+    shown_by = (lambda coverage: coverage.duration >= 30.0,)
     summary = 'Offset drift: {A:+.3g} A at the start, fading with {time_constant:.3g} s'
     equation = '{A:+.5g}·exp(-t/{time_constant:.5g})'
     columns = staticmethod(lambda x, c: (np.exp(-np.maximum(x.time, 0.0) / c.time_constant),))

@@ -24,12 +24,6 @@ from friction_comp.model.model_file import LINE
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
-# rad/s, of a model that does not tell the speeds at which it was measured, and their number.
-_TOP_SPEED, _SPEEDS = 1.0, 12
-# Positions of sweeps, for a model that does not keep recorded rows.
-_POINTS = 128
-# A transition so short, rad/s, that every speed of the line is beyond it.
-_SUDDEN = 1e-9
 # What friction of a sliding joint may depend on to be part of the line.
 OF_SPEED = ('velocity', 'direction', 'history')
 # Effects that the numbers hold.
@@ -110,12 +104,12 @@ def states_of(model: FrictionModel) -> Samples:
         return Samples(current=np.zeros(len(known['position'])), **known)
     low, high = (model.recorded.ranges.get('position') if model.recorded else None) or (
         model.position_limits or (-np.pi, np.pi))
-    path, parts = np.linspace(low, high, _POINTS), []
+    path, parts = np.linspace(low, high, 128), []
     for speed in speeds_of(model):
         for sign in (1.0, -1.0):
             parts.append(Samples(
-                time=(path - low) / speed, position=path[::round(sign)], current=np.zeros(_POINTS),
-                velocity=np.full(_POINTS, sign * speed), acceleration=np.zeros(_POINTS)))
+                time=(path - low) / speed, position=path[::round(sign)], current=0.0 * path,
+                velocity=sign * speed + 0.0 * path, acceleration=0.0 * path))
     return Samples.concatenate(parts)
 
 
@@ -131,7 +125,7 @@ def speeds_of(model: FrictionModel) -> np.ndarray:
     """Return the speeds of a model in rad/s, ascending, shape (S,)."""
     if model.recorded is not None and model.recorded.speeds:
         return np.array(model.recorded.speeds)
-    return np.arange(1, _SPEEDS + 1) / _SPEEDS * model.largest_speed(_TOP_SPEED)
+    return np.arange(1, 13) / 12 * model.largest_speed(1.0)
 
 
 def line_of(model: FrictionModel) -> dict[str, float]:
@@ -156,7 +150,8 @@ def line_by_coefficient(kind: type[Effect], constants: dict[str, float], speeds:
     The line is through its current at speeds in rad/s, (S,), in both directions.
     """
     if 'transition' in constants:
-        constants = {**constants, 'transition': _SUDDEN}
+        # Every speed is beyond it.
+        constants = {**constants, 'transition': 1e-9}
     velocity = np.concatenate((speeds, -np.asarray(speeds)))
     nothing = np.zeros(len(velocity))
     motion = Samples(time=nothing, position=nothing, current=nothing, velocity=velocity,

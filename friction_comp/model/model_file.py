@@ -92,20 +92,13 @@ class Presliding(Checked):
     backlash: float | None = stated(_SIZE, None)    # rad, not part of distance; 0 if there is none
 
 
-# Share of its range by which a signal may be beyond it, as effects are believed there, and share of
-# a motion beyond that worth a note; factor of the expected error worth one, too.
-_BEYOND, _MUCH, LARGER = 0.25, 0.1, 1.5
-# Share of the samples beyond each end of a range.
-_TAIL = 0.01
+LARGER = 1.5
+"""Factor of the expected error that is worth a note."""
 LINE = ('offset', 'coulomb', 'viscous')
 """Parameters of the line, in A, A and A·s/rad."""
-INTERVALS = (*LINE, 'inertia', 'static', 'transition')
-"""Parameters that a file may have intervals of."""
 # Signals that have a range, with their unit and the change that is too small to matter.
 _SIGNALS = {'speed': ('rad/s', 0.0), 'acceleration': ('rad/s²', 0.0), 'position': ('rad', 0.0),
             'load': ('N·m', 0.0), 'temperature': ('°C', 2.0), 'rigid_body': ('N·m', 0.0)}
-# The same of the position of another joint, with whose sine the weight varies.
-_OF_OTHER = ('rad', 0.1)
 
 
 def signals_read(samples: Samples, effects: Iterable[Effect]) -> dict[str, np.ndarray]:
@@ -126,9 +119,7 @@ def signals_read(samples: Samples, effects: Iterable[Effect]) -> dict[str, np.nd
             for name, one in values.items() if one is not None}
 
 
-# Rows that a model keeps, what they may hold, and the share of them in the other direction up to
-# which motion counts as in one.
-_ROWS, _ONE_WAY = 128, 0.02
+# What rows that a model keeps may hold.
 SIGNALS_OF_ROWS = ('time', 'position', 'velocity', 'acceleration', 'load', 'temperature',
                    'rigid_body', 'coupling')
 
@@ -142,7 +133,7 @@ class Recorded(Checked):
     # 95 % intervals by parameter, in the model's unit of current, of `LINE`, inertia, transition,
     # and Coulomb with Stribeck friction (static).
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict, metadata={
-        'read': mapping(check_interval, INTERVALS)})
+        'read': mapping(check_interval, (*LINE, 'inertia', 'static', 'transition'))})
     # Lowest and highest value in motion, of each of `signals_read`.
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict, metadata={
         'read': mapping(check_interval)})
@@ -168,10 +159,10 @@ class Recorded(Checked):
         effects = list(effects)
         ranges = {}
         for name, values in signals_read(samples, effects).items():
-            low, high = np.quantile(values, (_TAIL, 1.0 - _TAIL))
+            low, high = np.quantile(values, (0.01, 0.99))
             ranges[name] = (0.0 if name in ('speed', 'acceleration') else float(low), float(high))
-        every = np.arange(_ROWS)
-        index = np.unique((every + evenly_spread(every)) * len(samples) // _ROWS).astype(int)
+        every = np.arange(128)
+        index = np.unique((every + evenly_spread(every)) * len(samples) // 128).astype(int)
         names = {'position', 'velocity', *(name for effect in effects for name in effect.reads()),
                  *(['time'] if any(not one.holds_on_another_day for one in effects) else [])}
         rows = {name: tuple(float(f'{value:.6g}') for value in values[index])
@@ -190,13 +181,14 @@ class Recorded(Checked):
         notes = []
         for name, values in signals_read(samples, effects).items():
             low, high = self.ranges.get(name, (-math.inf, math.inf))
-            unit, least = _SIGNALS.get(name, _OF_OTHER)
+            # With the sine of another joint's position, the weight varies.
+            unit, least = _SIGNALS.get(name, ('rad', 0.1))
             if name == 'load':
                 least = (self.error or 0.0) * torque_per_current
-            more = max(_BEYOND * (high - low), least)
+            more = max(0.25 * (high - low), least)
             share = float(np.mean((values < low - more) | (values > high + more)))
             whole_turn = name.startswith('position') and not linear and high - low >= 2.0 * math.pi
-            if share >= _MUCH and not whole_turn:
+            if share >= 0.1 and not whole_turn:
                 notes.append(
                     f'{100.0 * share:.0f} % of this motion is more than a quarter beyond the '
                     f'{name.replace("rigid_body", "torque of the links")} that the model was '
@@ -222,7 +214,7 @@ class Recorded(Checked):
     def in_both_directions(self) -> bool:
         """Whether a part of the rows is in each direction of motion."""
         forwards = np.mean(np.array(self.rows.get('velocity', (-1.0, 1.0))) > 0.0)
-        return bool(_ONE_WAY < forwards < 1.0 - _ONE_WAY)
+        return bool(0.02 < forwards < 0.98)
 
 
 def read_model(path: str | Path, joint: str | None = None) -> dict[str, Any]:
