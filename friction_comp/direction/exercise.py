@@ -37,17 +37,10 @@ _KEYS = {'format', 'version', 'unit', 'joints', 'repetitions', 'announcement', '
 _SAME = 1e-9
 # Longest step and exercise, s, and farthest angle, rad.
 _LONGEST, _FARTHEST = 86_400.0, 1e3
-# Of a guided movement: rate, Hz.
-_RATE = 100.0
+# Of a guided movement: rate, Hz; a turn by less, rad, is no reversal; a place is held if it is not
+# left by more, rad, for so long, s; rest before the first movement, so that it can be announced, s.
 _DEGREE = math.pi / 180.0
-# A turn by less is no reversal, rad.
-_TURN = 1.0 * _DEGREE
-# A place is held if it is not left by more, rad, for so long, s.
-_PLACE, _REST = 0.4 * _DEGREE, 0.4
-# s of rest before the first movement, so that it can be announced.
-_FIRST_REST = 1.0
-# Smallest angle in the file, rad.
-_GRAIN = 0.01 * _DEGREE
+_RATE, _TURN, _PLACE, _REST, _FIRST_REST = 100.0, 1.0 * _DEGREE, 0.4 * _DEGREE, 0.4, 1.0
 
 
 @dataclass(frozen=True)
@@ -314,7 +307,8 @@ def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray
     path = sosfiltfilt(butter(2, 4.0, fs=_RATE, output='sos'), raw, axis=0)
     shaped, keys = zip(*(_one_way(column) for column in path.T))
     shape = np.column_stack(shaped)
-    shape = np.round((shape - shape[0]) / _GRAIN) * _GRAIN
+    # The smallest angle in the file is 0.01 degrees.
+    shape = np.round((shape - shape[0]) / (0.01 * _DEGREE)) * 0.01 * _DEGREE
     if np.abs(shape).max() < _TURN:
         raise InputError(f'no joint moves by more than {_TURN / _DEGREE:.0f} degree')
     knots = _add_where_far(even, shape, sorted({0, len(even) - 1, *(k for own in keys

@@ -18,33 +18,17 @@ from friction_comp.recordings.scan import Activity
 from friction_comp.samples import HOLE, RecordingInfo, Samples
 from friction_comp.statistics import gap_length, rms, top_speed
 
-# Share of the top speed above which the reference counts as moving, and as moving constantly.
-_MOVING, _CONSTANT = 0.01, 0.95
-# A measured velocity is noisy, and people overshoot.
-_MOVING_MEASURED, _CONSTANT_MEASURED = 0.1, 0.75
-_SMOOTHING = 0.05
-_SHORTEST = 0.1
-# Movements that cover less than this share of the longest are corrections, not repetitions.
-_SHORTEST_TRAVEL = 0.3
-# Least number of encoder steps of a movement, where there is no reference.
-_STEPS_OF_MOVEMENT = 20
 # Time by which a joint may start before the movement of the reference, s.
 _EARLY = 0.5
-# Time after a late onset for which curves are shown, s.
-_AFTER_ONSET = 0.25
-# A false start covers this share of the movement with less than this share of the peak torque.
-_START_SHARE, _PUSH_SHARE = 0.01, 0.1
-# Time for which the joint must be still before a false start, s: an oscillation is none.
-_STILL = 0.2
+# A false start, or a start, covers this share of the movement.
+_START_SHARE = 0.01
 # Tolerance for rounding errors of sums of sample times, s.
 _ROUNDING = 1e-9
 # Repetitions whose duration differs from the median by more than this share are left out, and
 # conditions whose movements do are not tested against each other.
 ODD = 0.25
-# Of curves, s before a movement, share of its duration beyond its end, and s between points.
-_LEAD, _BEYOND, _STEP = 1.0, 0.25, 2e-3
-# Least number of encoder steps of a joint that has started moving.
-_LEAST_STEPS = 3
+# Of curves, s before a movement, and s between points.
+_LEAD, _STEP = 1.0, 2e-3
 NAMES = {1: 'positive', -1: 'negative'}
 # The figures of a repetition with label and unit; the first one known is the leading figure.
 FIGURES = {
@@ -79,12 +63,15 @@ def find_movements(samples: Samples) -> list[Movement]:
     """Return the movements of one recording in order of time: the reference's, else the joint's."""
     if len(samples) < 2:
         return []
-    velocity = _reference_velocity(samples)
-    moving, constant, shortest_travel = _MOVING, _CONSTANT, 0.0
+    velocity = samples.reference_velocity
+    if velocity is None and samples.reference_position is not None:
+        velocity = np.gradient(samples.reference_position, samples.time)
+    # Shares of the top speed above which it counts as moving, and as moving constantly.
+    moving, constant, shortest_travel = 0.01, 0.95, 0.0
     if velocity is None:
-        velocity = _measured_velocity(samples)
-        moving, constant = _MOVING_MEASURED, _CONSTANT_MEASURED
-        shortest_travel = _STEPS_OF_MOVEMENT * samples.position_step
+        # A measured velocity is noisy, and people overshoot.
+        velocity, moving, constant = _measured_velocity(samples), 0.1, 0.75
+        shortest_travel = 20 * samples.position_step
     top = top_speed(np.abs(velocity), 0.99)
     if not top > 0.0:
         return []
@@ -93,9 +80,10 @@ def find_movements(samples: Samples) -> list[Movement]:
     runs = [(start, stop, float(abs(np.sum(
         velocity[start:stop - 1] * np.diff(time[start:stop])))))
         for start, stop in _runs(np.sign(velocity) * (np.abs(velocity) > moving * top))
-        if time[stop - 1] - time[start] >= _SHORTEST]
+        if time[stop - 1] - time[start] >= 0.1]
     longest = max((travel for *_, travel in runs), default=0.0)
-    runs = [run for run in runs if run[2] >= max(_SHORTEST_TRAVEL * longest, shortest_travel)]
+    # Much shorter ones are corrections, not repetitions.
+    runs = [run for run in runs if run[2] >= max(0.3 * longest, shortest_travel)]
     rest_begins = [0, *(stop - 1 for _, stop, _ in runs)]
     rest_ends = [*(start for start, _, _ in runs[1:]), -1]
     movements = []
@@ -111,17 +99,9 @@ def find_movements(samples: Samples) -> list[Movement]:
     return movements
 
 
-def _reference_velocity(samples: Samples) -> np.ndarray | None:
-    if samples.reference_velocity is not None:
-        return samples.reference_velocity
-    if samples.reference_position is None:
-        return None
-    return np.gradient(samples.reference_position, samples.time)
-
-
 def _measured_velocity(samples: Samples) -> np.ndarray:
     """Return the velocity from a zero-phase moving average of position, rad/s, shape (N,)."""
-    width = max(round(_SMOOTHING / max(samples.sample_time, 1e-6)), 1)
+    width = max(round(0.05 / max(samples.sample_time, 1e-6)), 1)
     kernel = np.ones(width) / width
     padded = np.pad(samples.position, width, mode='edge')
     smooth = np.convolve(np.convolve(padded, kernel, 'same'), kernel, 'same')[width:-width]
@@ -204,7 +184,7 @@ class Repetition:
     @property
     def shown_time(self) -> float:
         """Time from the movement's beginning to its end and until the joint has started, s."""
-        return max(self.duration, self.figures.get('onset', -math.inf) + _AFTER_ONSET)
+        return max(self.duration, self.figures.get('onset', -math.inf) + 0.25)
 
 
 def curve_times(duration: float, beyond: float = 0.0) -> np.ndarray:
@@ -282,7 +262,7 @@ def _onset(samples: Samples, movement: Movement) -> float | None:
     part = _between(samples.time, movement.earliest, movement.rest_end)
     displacement = movement.sign * (samples.position[part] - samples.position[part.start])
     beyond = np.nonzero(displacement > max(
-        _START_SHARE * movement.travel, _LEAST_STEPS * samples.position_step))[0]
+        _START_SHARE * movement.travel, 3 * samples.position_step))[0]
     return float(samples.time[part.start + beyond[0]]) if len(beyond) else None
 
 
@@ -352,7 +332,7 @@ def _wall_time(info: RecordingInfo) -> float:
 
 def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str, np.ndarray]:
     """Return load, position and reference at even times, NaN where they are not known."""
-    time = movement.begin + curve_times(shown_time, _BEYOND)
+    time = movement.begin + curve_times(shown_time, 0.25)
     curves = {}
     for name in ('load', 'position', 'reference_position'):
         values = getattr(samples, name)
@@ -368,7 +348,8 @@ def _is_false_start(samples: Samples, movement: Movement, peak: float | None) ->
     middle_of_rest = 0.5 * (movement.rest_begin + movement.begin)
     begin = max(middle_of_rest, movement.begin - _LEAD)
     part = _between(samples.time, begin, movement.begin)
-    still = int(np.searchsorted(samples.time[part], begin + _STILL))
+    # The joint is still before: an oscillation is no start.
+    still = int(np.searchsorted(samples.time[part], begin + 0.2))
     displacement = samples.position[part] - samples.position[part.start]
     beyond = np.abs(displacement) > _START_SHARE * movement.travel
     if not 0 < still < len(beyond) or not beyond.any() or (
@@ -379,4 +360,4 @@ def _is_false_start(samples: Samples, movement: Movement, peak: float | None) ->
     start = int(np.argmax(beyond))
     moment = samples.time[part.start + start]
     push = np.mean(samples.load[_between(samples.time, moment - 0.1, np.nextafter(moment, np.inf))])
-    return bool(push * np.sign(displacement[start]) < _PUSH_SHARE * peak)
+    return bool(push * np.sign(displacement[start]) < 0.1 * peak)

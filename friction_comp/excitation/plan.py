@@ -46,14 +46,9 @@ _NOT_MOVED = {'load', 'temperature', 'rigid_body', 'coupling'}
 SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
 # Share of the limits that is used: controllers interpolate and overshoot.
 MARGIN = 0.95
-# Shortest plan, s, which has moves enough, and longest: `_POINTS` are enough for its moves.
-_SHORTEST, _LONGEST = 20.0, 1800.0
-_POINTS = 32768
 _POPULATION, _GENERATIONS = 6, 10
 # Steepest slope of u³(10 - 15u + 6u²), the profile with which speed rises.
 _STEEPEST = 1.875
-# Shortest time in which speed rises, s: it limits jerk, in short moves too.
-_LEAST_RAMP = 0.1
 
 
 @dataclass(frozen=True)
@@ -236,8 +231,9 @@ class Move:
                acceleration: float) -> Move:
         """Return a move at a speed, or at the highest one that distance and acceleration allow."""
         distance = abs(end - start)
-        speed = min(speed, math.sqrt(distance * acceleration / _STEEPEST), distance / _LEAST_RAMP)
-        ramp = max(_STEEPEST * speed / acceleration, _LEAST_RAMP)
+        speed = min(speed, math.sqrt(distance * acceleration / _STEEPEST), distance / 0.1)
+        # A least time limits jerk, in short moves too.
+        ramp = max(_STEEPEST * speed / acceleration, 0.1)
         return cls(begin, start, end - start, speed, ramp, max(distance / speed - ramp, 0.0))
 
     @property
@@ -344,12 +340,13 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
     The effort limit is checked with `model`, if given; `report` gets the share of the work done.
     Raises InputError if there is too little or too much time, or the effort limit cannot be kept.
     """
-    if seconds < _SHORTEST:
-        raise InputError(f'{seconds:g} s are too short for a plan: at least {_SHORTEST:g} s')
-    if seconds > _LONGEST:
-        raise InputError(f'{seconds:g} s are too long for a plan: at most {_LONGEST:g} s')
+    # Moves enough, and points enough for the moves.
+    for wrong, what in ((seconds < 20.0, 'short for a plan: at least 20 s'),
+                        (seconds > 1800.0, 'long for a plan: at most 1800 s')):
+        if wrong:
+            raise InputError(f'{seconds:g} s are too {what}')
     coverage = coverage_within(limits, seconds)
-    points = qmc.Sobol(3, scramble=True, seed=seed).random(_POINTS)
+    points = qmc.Sobol(3, scramble=True, seed=seed).random(32768)
 
     def planned(shape: np.ndarray, own: JointLimits) -> JointPlan:
         moves = moves_of_shape(shape, own, seconds, points)

@@ -16,16 +16,13 @@ from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
 from friction_comp.model import model_file
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
-from friction_comp.model.effect import Effect, RESISTS
+from friction_comp.model.effect import Effect
 from friction_comp.model.model_file import Breakaway, Presliding, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
     from friction_comp.model.arm import Arm
-
-# Signals beside position and velocity that a planned motion tells.
-_PLANNED = {'acceleration', 'rigid_body', 'coupling'}
 
 
 @dataclass
@@ -135,7 +132,8 @@ class FrictionModel:
     def of_plan(self) -> tuple[FrictionModel, list[str]]:
         """Return the model with the effects that a plan tells, and the names of the others."""
         kept = [effect for effect in self.effects
-                if effect.holds_on_another_day and set(effect.needs) <= _PLANNED]
+                if effect.holds_on_another_day
+                and set(effect.needs) <= {'acceleration', 'rigid_body', 'coupling'}]
         others = [effect.name for effect in self.effects if effect not in kept]
         return replace(self, effects=kept), others
 
@@ -143,15 +141,6 @@ class FrictionModel:
         """Return the model without effects of one recording, such as drift over time."""
         return replace(self, effects=[
             effect for effect in self.effects if effect.holds_on_another_day])
-
-    def parts(self, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-        """Return the expected current and the part of it that resists motion, A, (N,) each.
-
-        As `current` for samples with velocity.
-        """
-        resists = replace(self, effects=[
-            effect for effect in self.effects if effect.role == RESISTS])
-        return self.current(samples), resists.current(samples) - self.sigmoid.line[0]
 
     @property
     def friction_known(self) -> bool:

@@ -12,7 +12,7 @@ squares beside friction, a weight and an offset.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ import numpy as np
 from friction_comp.errors import check_number, InputError
 from friction_comp.facts.motion import STANDSTILL
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+from friction_comp.model.effect import RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import LARGER, Recorded
 from friction_comp.samples import Samples
@@ -29,8 +30,6 @@ from friction_comp.terminal import quantity
 # s before the new rows that are computed again to let filters and effect states settle, and s at
 # the end that wait for later rows, because a zero-phase filter needs them.
 _SETTLING, _LOOKAHEAD = 3.0, 0.3
-# Columns of a row: time, position, velocity, current, load, temperature.
-_WIDTH = 6
 # Blocks used for the error.
 _RECENT = 60
 
@@ -109,12 +108,14 @@ class LiveResidual:
 
     def __init__(self, model: FrictionModel, tolerance: float = 0.25):
         self.model = model.on_another_day()
+        self._resists = replace(self.model, effects=[
+            effect for effect in self.model.effects if effect.role == RESISTS])
         self.tolerance = check_number(tolerance, 'tolerance', above=0.0)
         self.blind = ''
         self._start_over()
 
     def _start_over(self) -> None:
-        self._rows, self._blocks = np.empty((0, _WIDTH)), np.empty((0, 6))
+        self._rows, self._blocks = np.empty((0, 6)), np.empty((0, 6))
         self._done, self._origin = -np.inf, np.nan
         self._speed, self._warned = 0.0, False
 
@@ -123,7 +124,7 @@ class LiveResidual:
 
         Time in s, increasing; position; velocity; motor current in A; load in N·m; temperature, °C.
         """
-        rows = np.asarray(rows, dtype=float).reshape(-1, _WIDTH)
+        rows = np.asarray(rows, dtype=float).reshape(-1, 6)
         rows = rows[np.isfinite(rows[:, [0, 1, 3]]).all(axis=1)]
         if not len(rows):
             return
@@ -154,7 +155,8 @@ class LiveResidual:
         # Time counts from the beginning of the run, not of the rows that are kept.
         differentiated = differentiated.with_(time=rows[:, 0] - self._origin)
         try:
-            predicted, friction = self.model.parts(differentiated)
+            predicted = self.model.current(differentiated)
+            friction = self._resists.current(differentiated) - self.model.sigmoid.line[0]
         except InputError as error:
             # For instance, a model of an arm needs the motion of other joints.
             self.blind = str(error)
