@@ -31,11 +31,10 @@ import mujoco
 from numba import njit
 import numpy as np
 
+from world.gear import DEGREE, GONE, LONGEST_DELAY, measure_all, STILL
 from world.person import floats, log_uniform, nobody, PERSON_STATE, person_torque, remember
 
 KINDS = ('harmonic', 'planetary', 'cycloidal', 'long')
-LONGEST_DELAY = 8   # samples by which a command is late, and one more
-DEGREE = math.pi / 180.0
 
 # At the joint, SI.
 GEAR = np.dtype([('command_delay', 'i8'), *floats(
@@ -46,7 +45,9 @@ GEAR = np.dtype([('command_delay', 'i8'), *floats(
     'share first_distance second_distance distance_ratio micro_damping presliding '
     'ageing renewal eccentricity eccentricity_waves eccentricity_phase '
     'cogging cogging_waves gravity gravity_phase '
-    'torque_per_current current_limit current_time current_noise resolution velocity_time')])
+    'torque_per_current current_limit current_time current_noise resolution velocity_time '
+    # none: its velocity is a difference of counts
+    'velocity_noise')])
 
 
 def draw_gears(kind, draws, seed):
@@ -128,12 +129,11 @@ def frictionless(gears):
     return free
 
 
-STATE = np.dtype([*PERSON_STATE, *floats(
+STATE = np.dtype([('random', 'u8'), *PERSON_STATE, *floats(
     'motor motor_velocity link link_velocity current measured measured_velocity offset '
     'rest slid age')])
 ROTOR, FIRST, SECOND, LINK = range(4)
 TEETH, TO_FIRST, TO_SECOND = range(3)
-STILL = 2e-3        # rad/s below which a joint rests
 LEVER = 0.02        # m from the axis to the link's mass
 SLIDER = 0.02       # of the rotor's inertia
 # As hard as MuJoCo's friction goes without numerical trouble: it creeps by some µrad/s.
@@ -198,7 +198,7 @@ class Plant:
         self._watch()
         # Who holds the joint from the beginning takes it where it is.
         self.states['origin'] = self.states['link']
-        self._measure(first=True)
+        measure_all(self.gears, self.states, self.sample_time)
 
     def _rows(self, values, width=4):
         """Return a view of one of the engine's arrays, shape (J, width)."""
@@ -207,7 +207,7 @@ class Plant:
     def sample(self):
         """Return measured position and velocity, each of shape (J,), rad and rad/s."""
         if self.states['count'][0] > 0:
-            self._measure()
+            measure_all(self.gears, self.states, self.sample_time)
         return self.states['measured'].copy(), self.states['measured_velocity'].copy()
 
     def knock(self, speed):
@@ -215,15 +215,6 @@ class Plant:
         v = self._rows(self.data.qvel)
         v[:, ROTOR] += speed
         v[:, LINK] += speed
-
-    def _measure(self, first=False):
-        s, g = self.states, self.gears
-        position = np.floor((s['motor'] + s['offset']) / g['resolution']) * g['resolution']
-        last = position if first else s['measured'].copy()
-        s['measured'] = position
-        seen = (position - last) / self.sample_time
-        weight = 1.0 - np.exp(-self.sample_time / g['velocity_time'])
-        s['measured_velocity'] += weight * (seen - s['measured_velocity'])
 
     def advance(self, current):
         """Apply currents, A, for one sample."""
@@ -307,7 +298,6 @@ def _persons(persons, states, touched, time, position, velocity):
                 persons[j], states[j], time, position[j], velocity[j])
 
 
-GONE = 0.95
 RAMPS, RAMP_TIME = 8, 1.2   # s to breakaway, as in `law_judge.identification`
 
 
