@@ -28,7 +28,7 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 
-# s; the note's experiments, in test_reproduce.py, are at a thousand samples a second, and what is
+# s; the note's experiments, in test_simulation.py, are at a thousand samples a second, and what is
 # decided within milliseconds has twice as many samples
 STEP = 4e-3
 
