@@ -161,7 +161,7 @@ def judge(task):
     return out
 
 
-def show(rate, own, with_words):
+def show(rate, own):
     """Print what became of all gears at one rate."""
     done = [one for one in own if not one['refused']]
     false = sum(one['drift said'] for one in done if one['task'][0] != 'warm')
@@ -183,7 +183,7 @@ def show(rate, own, with_words):
     for one in own:
         if one.get('calm'):
             print('    calmly wrong:', one['task'][:2], one['calm'])
-        if one['refused'] or with_words:
+        if one['refused']:
             print(f'    {one["task"][:2]}: {one["words"]}')
 
 
@@ -192,7 +192,6 @@ def main():
     parser = table_parser(__doc__, seed=0, draws=4, processes=1)
     parser.add_argument('--rates', nargs='+', type=float, default=[1000.0, 500.0, 250.0, 100.0])
     parser.add_argument('--kinds', nargs='+', default=list(KINDS), choices=KINDS)
-    parser.add_argument('--words', action='store_true', help='print what each result says')
     options = parser.parse_args()
     tasks = [(kind, k, options.seed, rate) for rate in options.rates
              for kind in options.kinds for k in range(options.draws)]
@@ -202,7 +201,7 @@ def main():
           f'{len(options.kinds) * options.draws} drives a rate; median and worst error, %, beside '
           'those of least squares')
     for rate in options.rates:
-        show(rate, [one for one in found if one['task'][3] == rate], options.words)
+        show(rate, [one for one in found if one['task'][3] == rate])
 
 
 if __name__ == '__main__':

@@ -2,16 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs nodes in separate processes."""
 
-import atexit
 from contextlib import contextmanager, suppress
 import functools
-import json
+import multiprocessing
+from multiprocessing import forkserver
 import os
 from pathlib import Path
-import select
 import signal
 import subprocess
 import sys
+from types import ModuleType
+from unittest.mock import patch
 
 from friction_comp.__main__ import NODES
 from friction_comp.demo import processes
@@ -24,26 +25,22 @@ PATIENCE = 120.0
 OFTEN = 0.1
 
 
-class Host:
-    """Starts nodes by forking a process that has imported what they need."""
+def become(*how):
+    """Become a node, in a process that was forked from one which has imported all nodes."""
+    import node_host
 
-    def __init__(self):
-        self._process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name('node_host.py'))], text=True, bufsize=1,
-            env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        assert self._process.stdout.readline() == 'ready\n'
-        # It ends when its input ends.
-        atexit.register(self._process.communicate)
-
-    def ask(self, request):
-        self._process.stdin.write(json.dumps(request) + '\n')
-        return json.loads(self._process.stdout.readline())
+    node_host.become(*how)
 
 
 @functools.cache
-def host():
-    """Return the host of all nodes; their kernels are compiled at its start."""
-    return Host()
+def forks():
+    """Return the server from which nodes are forked; their kernels are compiled at its start."""
+    context = multiprocessing.get_context('forkserver')
+    context.set_forkserver_preload(['node_host', 'node_process'])
+    # Before Python 3.13 it does not know the path of this one.
+    with patch.dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)):
+        forkserver.ensure_running()
+    return context
 
 
 @contextmanager
@@ -68,25 +65,28 @@ def environment(**changes):
 
 
 class Forked:
-    """A node forked by a host, with those methods of `subprocess.Popen` that the tests use."""
+    """A node in a forked process, with those methods of `subprocess.Popen` that are used."""
 
-    def __init__(self, host, name, arguments, folder, output, env, period=OFTEN):
-        self._host, self.returncode = host, None
-        self.pid = host.ask([name, arguments, str(folder), str(output), env, period])
-        # Tools look at their nodes at every message: the host is asked only at the end.
-        self._ends = os.pidfd_open(self.pid)
+    def __init__(self, *how):
+        self._process = forks().Process(target=become, args=how)
+        # Or it would import the program that runs now, as its own.
+        main, sys.modules['__main__'] = sys.modules['__main__'], ModuleType('__main__')
+        try:
+            self._process.start()
+        finally:
+            sys.modules['__main__'] = main
+        self.pid = self._process.pid
 
-    def _await(self, timeout):
-        if self.returncode is None and select.select([self._ends], [], [], timeout)[0]:
-            os.close(self._ends)
-            self.returncode = self._host.ask(self.pid)
-        return self.returncode
+    @property
+    def returncode(self):
+        return self._process.exitcode
 
     def poll(self):
-        return self._await(0.0)
+        return self.returncode
 
     def wait(self, timeout=PATIENCE):
-        if self._await(timeout) is None:
+        self._process.join(timeout)
+        if self.returncode is None:
             raise subprocess.TimeoutExpired(f'process {self.pid}', timeout)
         return self.returncode
 
@@ -98,20 +98,15 @@ class Forked:
         self.send_signal(signal.SIGKILL)
 
 
-def fork(name, arguments, folder, output, env, period=OFTEN):
-    """Fork a node from the host for it."""
-    return Forked(host(), name, arguments, folder, output, env, period)
-
-
 def fork_nodes_of_tools(monkeypatch, changed=lambda name, parameters: parameters):
     """Make tools that run in this process fork their nodes, too, with changed parameters."""
     def start(nodes, name, parameters, remappings=None):
         log = nodes._logs / f'{name}.log'
         log.parent.mkdir(parents=True, exist_ok=True)
         log.touch()
-        nodes._running[name] = fork(
+        nodes._running[name] = Forked(
             name, ros_arguments(changed(name, parameters), remappings), Path.cwd(), log.absolute(),
-            environment())
+            environment(), OFTEN)
     monkeypatch.setattr(processes.Nodes, 'start', start)
 
 
@@ -166,7 +161,7 @@ class Process:
                     [sys.executable, '-m', 'friction_comp', name, *arguments],
                     env=env, stdout=error, stderr=error, cwd=folder)
         else:
-            self._process = fork(name, arguments, folder, self._error, env, period)
+            self._process = Forked(name, arguments, folder, self._error, env, period)
 
     def send(self, number=signal.SIGINT):
         self._process.send_signal(number)
