@@ -3,15 +3,18 @@
 """What `refine` makes of measured recordings, set by set.
 
 Refines on each set's `fit`, predicts its `score` through the command line, as a user would, and
-takes the error as the sets' README says. Beside it stands Coulomb and viscous friction, and what an
-expert who knows the drive fits by least squares to the same motion. Sets that are not there are
-skipped with a line.
+takes the error as the sets' README says. Beside it stand Coulomb and viscous friction, what an
+expert who knows the drive fits by least squares to the same motion, a first try on block sums where
+its file is given, and an earlier version, whose said.json this file writes from its checkout. In a
+folder without the README's sets, each with a `fit` and a `score` of a joint `studied` is a row.
 
     python3 bench/measured_table.py [--data ../shared/data] [--sets emps ...] [--output DIR]
+        [--sums ../shared/tools/block_sums.py] [--earlier said.json] [--picture said.svg]
 """
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+import importlib.util
 import json
 import os
 from pathlib import Path
@@ -23,10 +26,11 @@ from bench_tools import ROOT, table_parser
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from friction_comp import FrictionModel, read_recording
+from friction_comp import FrictionModel, read_recording, Samples
 
 # What docs/generate.py stores of each row.
-KEPT = ('set', 'unit', 'error', 'plain', 'terms', 'said', 'true', 'verdict')
+KEPT = ('set', 'unit', 'error', 'plain', 'by_hand', 'sums', 'earlier', 'terms', 'said', 'true',
+        'verdict')
 FRICTION = ('coulomb', 'viscous', 'offset')
 BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, np.inf)  # Hz, of the expert's motion
 UR10E = ('shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint',
@@ -62,6 +66,13 @@ ROWS = (
     Row('bldc_under_speed_control', by_hand=(*FRICTION, 'inertia')),
     *(Row('ur10e_all_joints', joint=joint, urdf='ur10e.urdf') for joint in UR10E),
 )
+
+
+def rows_of(folder):
+    """Return the rows of a folder of sets."""
+    known = [row for row in ROWS if (folder / row.data / 'fit').exists()]
+    return known or [Row(one.name, '', 'studied', by_hand=(*FRICTION, 'inertia', 'gravity', 'load'))
+                     for one in sorted(folder.iterdir()) if (one / 'fit').exists()]
 
 
 def low_passed(error, rate, cutoff=40.0):
@@ -163,7 +174,7 @@ def hand_error(row, folder, terms, bandwidths=BANDWIDTHS):
     Of the bandwidths it is that with the least error on `fit`.
     """
     def fitted(bandwidth):
-        fit, score = (read_recording([folder / part], joint=row.joint)[0]
+        fit, score = (Samples.concatenate(read_recording(folder / part, joint=row.joint))
                       for part in ('fit', 'score'))
         plain = [term for term in terms if term != 'carried']
         known, new = (by_hand_columns(part, row, plain, bandwidth) for part in (fit, score))
@@ -180,22 +191,30 @@ def hand_error(row, folder, terms, bandwidths=BANDWIDTHS):
     return score_error(row.error, min(map(fitted, bandwidths), key=lambda pair: pair[0])[1])
 
 
-def measure(row, data, output):
-    """Refine and predict one row; return a dict for the table."""
-    folder = data / row.data
-    if not (folder / 'fit').exists():
-        return {'set': row.name, 'skipped': f'{folder} is not there'}
+def sums_error(row, folder, file):
+    """Return the error on score of block sums, a file with `refine` and `rebuild`."""
+    spec = importlib.util.spec_from_file_location('block_sums', file)
+    sums = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(sums)
+    fit, score = (read_recording(folder / part, joint=row.joint) for part in ('fit', 'score'))
+    model = sums.refine(fit)
+    data, predicted = sums.rebuild(model, score, model['D'])
+    return score_error(row.error, np.column_stack([data.t, data.y, predicted]))
+
+
+def measure(row, folder, output, options):
+    """Refine and predict one row; return a dict for the table, or None."""
     where = output / row.name.replace(':', '_')
     joint = ['--joint', row.joint] if row.joint else []
     # Its effort holds current.
     urdf = ['--urdf', folder / row.urdf, '--unit', 'A'] if row.urdf else []
-    code, message, cpu = run(['refine', folder / 'fit', '--output', where, *joint, *urdf])
-    if code:
-        return {'set': row.name, 'skipped': f'refine ended with {code}: {message[-300:]}'}
-    code, message, _ = run(['predict', folder / 'score', '--model', where / 'model.yaml',
-                            '--output', where / 'score.csv', *joint])
-    if code:
-        return {'set': row.name, 'skipped': f'predict ended with {code}: {message[-300:]}'}
+    for arguments in (['refine', folder / 'fit', '--output', where, *joint, *urdf],
+                      ['predict', folder / 'score', '--model', where / 'model.yaml',
+                       '--output', where / 'score.csv', *joint]):
+        code, message, cpu = run(arguments)
+        if code:
+            print(f'{row.name}: {arguments[0]} ended with {code}: {message[-300:]}')
+            return None
     own = where / row.joint if row.urdf else where
     report = json.loads((own / 'report.json').read_text(encoding='utf-8'))
     table = np.loadtxt(where / 'score.csv', delimiter=',', skiprows=1)
@@ -206,31 +225,30 @@ def measure(row, data, output):
         'true': moving_error(
             model, read_recording(folder / 'score', joint=row.joint), row.error),
         'plain': hand_error(row, folder, FRICTION, (np.inf,)),
-        'by_hand': hand_error(row, folder, row.by_hand) if row.by_hand else float('nan'),
+        'by_hand': hand_error(row, folder, row.by_hand) if row.by_hand else None,
+        'sums': sums_error(row, folder, options.sums) if options.sums else None,
         'effects': [f"{e['name']} ({e['variable']})" for e in report['effects']],
-        'in_words': [e.get('in_words', '') for e in report['effects']],
-        'before': report['before']['held_out_rmse'], 'after': report['after']['held_out_rmse'],
-        'verdict': report.get('verdict'), 'warnings': report.get('warnings', []),
-        'unexplained': [u['variable'] for u in report['unexplained']],
-        'samples': report['samples'], 'cpu': cpu}
+        'verdict': report['verdict'], 'cpu': cpu}
 
 
-def show(result):
-    """Print one result as a few lines."""
-    if 'skipped' in result:
-        print(f"{result['set']}: skipped, {result['skipped']}", flush=True)
-        return
-    print(f"{result['set']}: {result['error']:.4g} {result['unit']} on score "
-          f"(C + V {result['plain']:.4g}, by hand {result['by_hand']:.4g}); held out "
-          f"{result['before']:.4g} -> {result['after']:.4g}; {result['samples']} samples, "
-          f"CPU {result['cpu']:.0f} s")
-    for text in result['in_words']:
-        print(f'    + {text}')
-    print(f"    unexplained: {', '.join(result['unexplained']) or 'nothing'}; "
-          f"verdict: {result['verdict']}")
-    for text in result['warnings']:
-        print(f'    ! {text}')
-    sys.stdout.flush()
+def picture(path, rows):
+    """Draw the true error over the one said, of all rows, each with a line from an earlier one."""
+    from matplotlib.figure import Figure
+
+    figure = Figure((6.0, 0.2 * len(rows) + 1.0), layout='constrained')
+    axes = figure.subplots()
+    for place, row in enumerate(rows):
+        now = row['true'] / row['said']
+        if row['earlier']:
+            before = row['earlier']['true'] / row['earlier']['said']
+            axes.plot([before, now], [place, place], color='0.7')
+            axes.plot(before, place, 'o', color='0.7')
+        axes.plot(now, place, 'o', color={'trust': 'C2', 'trust in part': 'C1'}.get(
+            row['verdict'], 'C3'))
+    axes.axvline(1.0, color='0.5', linewidth=0.5)
+    axes.set(xscale='log', xlabel='true error over the one said, earlier (grey) and now',
+             yticks=range(len(rows)), yticklabels=[row['set'] for row in rows])
+    figure.savefig(path)
 
 
 def main():
@@ -238,27 +256,30 @@ def main():
     parser = table_parser(__doc__, jobs=1)
     parser.add_argument('--data', type=Path, default=ROOT.parent / 'shared' / 'data')
     parser.add_argument('--sets', nargs='*', help='names of sets; all by default')
-    parser.add_argument('--output', type=Path, help='folder for the reports')
-    arguments = parser.parse_args()
-    rows = [r for r in ROWS if not arguments.sets or r.data in arguments.sets]
-    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(arguments.jobs) as pool:
-        output = (arguments.output or Path(scratch)).resolve()
+    for name in ('output', 'sums', 'earlier', 'picture'):
+        parser.add_argument(f'--{name}', type=Path)
+    options = parser.parse_args()
+    rows = [r for r in rows_of(options.data) if not options.sets or r.data in options.sets]
+    earlier = {row['set']: row for row in json.loads(options.earlier.read_text())
+               } if options.earlier else {}
+    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(options.jobs) as pool:
+        output = (options.output or Path(scratch)).resolve()
         output.mkdir(parents=True, exist_ok=True)
-        results = []
-        for result in pool.map(
-                lambda row: measure(row, arguments.data.resolve(), output), rows):
-            show(result)
-            results.append(result)
-        (output / 'said.json').write_text(json.dumps([{
-            **{name: r[name] for name in KEPT},
-            'by_hand': r['by_hand'] if r['by_hand'] == r['by_hand'] else None}
-            for r in results if 'skipped' not in r], indent=1))
-    print('\n| set | error on score | C + V | by hand | effects in order | CPU s |'
-          '\n|---|---|---|---|---|---|')
+        results = [{**one, 'earlier': earlier.get(one['set'])} for one in pool.map(
+            lambda row: measure(row, (options.data / row.data).resolve(), output, options), rows)
+            if one]
+        (output / 'said.json').write_text(json.dumps(
+            [{name: one[name] for name in KEPT} for one in results], indent=1))
+    print('| set | error on score | C + V | by hand | sums | earlier | said | true | verdict '
+          '| effects in order | CPU s |\n' + '|---' * 11 + '|')
     for r in results:
-        if 'skipped' not in r:
-            print(f"| {r['set']} | {r['error']:.4g} {r['unit']} | {r['plain']:.4g} "
-                  f"| {r['by_hand']:.4g} | {', '.join(r['effects']) or 'none'} | {r['cpu']:.0f} |")
+        print(f"| {r['set']} | {r['error']:.4g} {r['unit']} | " + ' | '.join(
+            '' if value is None else f'{value:.4g}' for value in (
+                r['plain'], r['by_hand'], r['sums'], r['earlier'] and r['earlier']['error'],
+                r['said'], r['true'])) + f" | {r['verdict']} "
+              f"| {', '.join(r['effects']) or 'none'} | {r['cpu']:.0f} |")
+    if options.picture:
+        picture(options.picture, results)
 
 
 if __name__ == '__main__':

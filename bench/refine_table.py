@@ -2,22 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often refinement finds what a simulated drive was not declared to have.
 
-    python3 bench/refine_table.py [--draws N] [--pairs N] [--none N] [--seed N] [--jobs N]
-                                  [--kinds single pair outside none] [--cases gravity ...]
+    python3 bench/refine_table.py [--draws N] [--none N] [--seed N] [--jobs N]
+                                  [--kinds single outside none] [--cases gravity ...]
 
---draws are drives for each effect, --pairs and --none those with two effects and with none.
+--draws are drives for each effect, --none those without one.
 
 Every draw is a new random drive with undeclared effects of random strength; refinement gets one
 set of recordings, and the error is taken on another that it has not seen. Columns:
 
-named     the variable named first is the effect's (pairs: one of them first, and both)
+named     the variable named first is the effect's
 only      and no other variable is named
 ≤ 1.3     error on the fresh recording at most 1.3 times the noise floor, while the joint moves
 ratio     median of error over noise floor
 before    the same for the note's sigmoid alone
 """
 
-import sys
 import time
 
 from bench_tools import processes, table_parser
@@ -84,7 +83,6 @@ def one_draw(task):
         'cases': cases, 'outside': outside, 'seed': seed, 'wanted': wanted,
         'found': [[effect.name, effect.variable] for effect in report.effects],
         'unexplained': unexplained,
-        'ambiguous': [entry.between for entry in report.ambiguous],
         'named': named, 'only': only, 'ratio': error(result.model, score) / floor,
         'before': report.before.held_out_rmse / floor, 'seconds': seconds,
         'elsewhere': error(result.model, score) / report.after.elsewhere_motion_rmse,
@@ -92,27 +90,16 @@ def one_draw(task):
 
 
 def tasks(options):
-    """Return (row title, list of tasks) of the table."""
-    rows = []
-    names = options.cases or list(CASES)
+    """Return the rows of the table: title and tasks."""
     seeds = range(options.seed, options.seed + options.draws)
-    if 'single' in options.kinds:
-        rows += [(name, [((name,), '', seed) for seed in seeds])
-                 for name in names]
-    if 'pair' in options.kinds:
-        rng = np.random.default_rng(options.seed)
-        pairs = []
-        for seed in range(options.seed, options.seed + options.pairs):
-            pair = tuple(sorted(str(name) for name in rng.choice(names, 2, replace=False)))
-            pairs.append((pair, '', seed))
-        rows.append(('random pairs', pairs))
-    if 'outside' in options.kinds:
-        rows += [(f'outside: {name}', [((), name, seed) for seed in seeds])
-                 for name in OUTSIDE]
-    if 'none' in options.kinds:
-        rows.append(('none', [((), '', seed)
-                              for seed in range(options.seed, options.seed + options.none)]))
-    return rows
+    rows = {
+        'single': [(name, [((name,), '', seed) for seed in seeds])
+                   for name in options.cases or CASES],
+        'outside': [(f'outside: {name}', [((), name, seed) for seed in seeds])
+                    for name in OUTSIDE],
+        'none': [('none', [((), '', seed)
+                           for seed in range(options.seed, options.seed + options.none)])]}
+    return [row for kind in options.kinds for row in rows[kind]]
 
 
 def table(rows):
@@ -134,43 +121,26 @@ def table(rows):
 
 def misses(rows):
     """Return one line for each draw that fell short."""
-    lines = []
-    for _, draws in rows:
-        for draw in draws:
-            if draw['only'] and (draw['outside'] or draw['ratio'] <= LIMIT):
-                continue
-            lines.append(
-                f"{' + '.join(draw['cases']) or draw['outside'] or 'none'}, seed {draw['seed']}: "
-                f"found {', '.join(name for name, _ in draw['found']) or 'nothing'}; unexplained "
-                f"{', '.join(draw['unexplained']) or 'nothing'}; ambiguous "
-                f"{draw['ambiguous'] or 'nothing'}; error {draw['ratio']:.2f} times the floor")
-    return lines
+    return [
+        f"- {title}, seed {draw['seed']}: "
+        f"found {', '.join(name for name, _ in draw['found']) or 'nothing'}; unexplained "
+        f"{', '.join(draw['unexplained']) or 'nothing'}; error {draw['ratio']:.2f} times the floor"
+        for title, draws in rows for draw in draws
+        if not draw['only'] or (draw['ratio'] > LIMIT and not draw['outside'])]
 
 
 def main():
-    parser = table_parser(__doc__, draws=10, pairs=20, none=100, seed=1000, jobs=2)
-    parser.add_argument('--kinds', nargs='+', default=['single', 'pair', 'outside', 'none'],
-                        choices=['single', 'pair', 'outside', 'none'])
+    """Judge all draws and print the table."""
+    parser = table_parser(__doc__, draws=10, none=100, seed=1000, jobs=2)
+    parser.add_argument('--kinds', nargs='+', default=['single', 'outside', 'none'],
+                        choices=['single', 'outside', 'none'])
     parser.add_argument('--cases', nargs='+', choices=list(CASES), help='only these effects')
     options = parser.parse_args()
     rows = tasks(options)
-    flat = [task for _, group in rows for task in group]
     with processes(options.jobs) as pool:
-        draws, started = [], time.perf_counter()
-        for draw in pool.map(one_draw, flat):
-            draws.append(draw)
-            if sys.stderr.isatty():
-                print(f'\r{len(draws)}/{len(flat)} drives, '
-                      f'{time.perf_counter() - started:.0f} s', end='', file=sys.stderr)
-    done, used = [], 0
-    for title, group in rows:
-        done.append((title, draws[used:used + len(group)]))
-        used += len(group)
-    print(table(done))
-    lines = misses(done)
-    if lines:
-        print('\nDraws that fell short:')
-        print('\n'.join('- ' + line for line in lines))
+        draws = pool.map(one_draw, [task for _, group in rows for task in group])
+        done = [(title, [next(draws) for _ in group]) for title, group in rows]
+    print('\n'.join([table(done), '', 'Draws that fell short:', *misses(done)]))
 
 
 if __name__ == '__main__':

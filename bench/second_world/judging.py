@@ -233,6 +233,8 @@ def judge(family, seed):
         'family': family, 'seed': seed,
         'floor': reachable_floor(case, score_trace, score, mask),
         'before': before, 'after': after, 'cpu': cpu,
+        'said': result.report.after.elsewhere_motion_rmse,
+        'codes': sorted({one.code for one in result.report.findings if one.grade != 'trust'}),
         'counts': case.asks and case.family not in _OUTSIDE,
         'asked': [h.name for h in asked],
         'claims': claims(case, result, largest, measured),
