@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each threshold and part of refinement earns, and how often each finding is right.
 
-    python3 bench/refine_ablation.py [--without LEAST_SHARE lag ...] [--worlds measured single none
-                                     second] [--data FOLDER ...] [--sets emps ...] [--jobs N]
-                                     [--rows rows.json] [--write]
+    python3 bench/refine_ablation.py [--without LEAST_SHARE lag ...] [--worlds measured single
+                                     second] [--data FOLDER ...] [--sets emps ...] [--rows FILE]
 
-A row for each threshold that is off, and each part that is left out, or is as in 250 lines of block
-sums: of the same cases, the geometric mean of the error on recordings that were not fitted over
-that with all, the largest and the least, and in how many cases the same is named. A row for each
+A row for each threshold that is off, and for each part that is left out, or is as in the sketch of
+block sums: of the same cases, the geometric mean of the error on recordings that were not fitted
+over that with all, the least and the largest, and in how many the same is named. A row for each
 finding: in how many cases it is given, and the median and the largest error there over the one
-said. Rows of earlier runs in --rows are kept; --write puts the tables into ablation.md.
+said. Rows of earlier runs in --rows are kept; the tables of all are written to ablation.md.
 """
 
 from collections import defaultdict
@@ -23,8 +22,7 @@ import sys
 from bench_tools import processes, ROOT, table_parser
 import numpy as np
 
-DATA = ROOT.parent / 'shared' / 'data'
-# The value at which each threshold that changes a model has no effect. Those of words have the
+# The value at which each threshold that changes a model has no effect; those of words have the
 # table of findings.
 OFF = {'FEWEST_SAMPLES': 0.0, 'REST': 0.0, 'PRESLIDING_SPEED': 0.0, 'ROWS': 1e9, 'REGIMES': 4.0,
        'NEAR_LIMIT': 0.0, 'EQUIVALENT': 0.0, 'ENCODER_STEPS': 1e9, 'LAG_SHARE': 1.0,
@@ -39,13 +37,13 @@ def parts_of_time(samples, start, length=1, others=()):
 
 def better_in_parts(before, after):
     """Judge as the sketch does: a gain of a share, beyond its scatter, in most parts."""
-    gain = (np.atleast_2d(before) - np.atleast_2d(after))[-1]
+    before, after = np.atleast_2d(before)[-1], np.atleast_2d(after)[-1]
+    gain = before - after
     return bool(gain.mean() > 2.0 * gain.std(ddof=1) / np.sqrt(len(gain))
-                and gain.sum() > 0.02 * np.atleast_2d(before)[-1].sum()
-                and np.mean(gain > 0.0) >= 0.7)
+                and gain.sum() > 0.02 * before.sum() and np.mean(gain > 0.0) >= 0.7)
 
 
-def motion_of_time(samples, unusable, joints, load):
+def filter_by_time(samples, unusable, joints, load):
     """Choose source and bandwidth as the sketch does: a plain drive, by parts of time."""
     from friction_comp.model.differentiation import differentiate
     from friction_comp.refinement.block_sums import held_out_error
@@ -57,20 +55,16 @@ def motion_of_time(samples, unusable, joints, load):
         speed = np.abs(moved.velocity)
         rows = np.flatnonzero((speed > 0.03 * np.percentile(speed, 98)) & ~unusable)
         error = held_out_error(plain_columns(moved.take(rows)), samples.current[rows],
-                               parts_of_time(samples, rows))
-        if error < 0.995 * best * len(rows):
-            best, chosen = error / len(rows), choice
+                               parts_of_time(samples, rows)) / len(rows)
+        if error < 0.995 * best:
+            best, chosen = error, choice
     return chosen
 
 
-def _same(problem, fit):
-    return fit
-
-
-# What is put in the place of which names in `friction_comp.refinement`.
+# What is put in the place of which names of `friction_comp.refinement`.
 PARTS = {
     'a lag': {'search._with_best_lag': lambda fit: fit.settings},
-    'filters chosen again': {'search._at_best_motion': _same},
+    'filters chosen again': {'search._at_best_motion': lambda problem, fit: fit},
     'effects of time and history': {'search._with_late_terms': lambda fit: fit},
     'transition by all samples': {'search._fit_transition_to_all_samples': lambda *_: None},
     'constants adjusted': {'search.adjust_constants': lambda table, terms, rounds: list(terms)},
@@ -78,10 +72,9 @@ PARTS = {
               'effect_columns.signs_of': lambda term, count: [0] * count},
     'filters of signals': {'search.choose_signals': lambda *_: {},
                            'prepare.choose_signals': lambda *_: {}},
-    'as the sketch: motion': {'prepare.choose_differentiation': motion_of_time,
-                              'search._at_best_motion': _same},
-    'as the sketch: columns': {'search.starts_of': lambda table: [[]]},
-    'as the sketch: bounds': {'effect_columns._EQ6_SIGNS': (0, 1, 1, 0, 0)},
+    'as the sketch: motion': {'prepare.choose_differentiation': filter_by_time,
+                              'search._at_best_motion': lambda problem, fit: fit},
+    'as the sketch: start': {'search.starts_of': lambda table: [[]]},
     'as the sketch: criterion': {'prepare.regimes_in': parts_of_time,
                                  'search.Search.is_better': staticmethod(better_in_parts)},
 }
@@ -97,68 +90,58 @@ def leave_out(name):
         owner = importlib.import_module(f'friction_comp.refinement.{module}')
         for one in owners:
             owner = getattr(owner, one)
-        getattr(owner, attribute)  # raises if it is gone
+        assert hasattr(owner, attribute), f'{path} is gone'
         setattr(owner, attribute, value)
 
 
-def measured(folder, joint, how):
-    """Refine on a measured recording, and predict its `score`."""
-    from measured_table import moving_error, score_error
+def judge(world, name, joint):
+    """Return the error, names, error over the one said and codes of one case."""
+    from measured_table import moving_error, Row, ROWS, score_error
+    from refine_table import one_draw
 
     from friction_comp import read_recording
     from friction_comp.refinement import refine
+    from second_world import judging
 
-    fit, parts = (read_recording(Path(folder) / part, joint=joint) for part in ('fit', 'score'))
+    if world == 'single':
+        draw = one_draw(((name,) if name else (), '', 900))
+        return draw['ratio'], [name for name, _ in draw['found']], draw['elsewhere'], draw['codes']
+    if world == 'second':
+        case = judging.judge(name, 900)
+        return (case['after'] / case['floor'], case['effects'], case['after'] / case['said'],
+                case['codes'])
+    fit, parts = (read_recording(Path(name) / part, joint=joint) for part in ('fit', 'score'))
     result = refine(fit)
     table = np.concatenate([np.column_stack([
         part.time, part.current, result.model.predict(part)]) for part in parts])
+    how = next((row.error for row in ROWS if row.data == Path(name).name), Row.error)
     report = result.report
-    return {'error': score_error(how, table), 'names': [one.name for one in report.effects],
-            'ratio': moving_error(result.model, parts) / report.after.elsewhere_motion_rmse,
-            'codes': sorted({one.code for one in report.findings if one.grade != 'trust'})}
-
-
-def simulated(case, seed):
-    """Refine on a simulated drive with a hidden effect, or none."""
-    from refine_table import one_draw
-
-    draw = one_draw(((case,) if case else (), '', seed))
-    return {'error': draw['ratio'], 'names': [name for name, _ in draw['found']],
-            'ratio': draw['elsewhere'], 'codes': draw['codes']}
-
-
-def second(family, seed):
-    """Refine on a case of the second world."""
-    from second_world.judging import judge
-
-    case = judge(family, seed)
-    return {'error': case['after'] / case['floor'], 'names': case['effects'],
-            'ratio': case['after'] / case['said'], 'codes': case['codes']}
+    return (score_error(how, table), [one.name for one in report.effects],
+            moving_error(result.model, parts) / report.after.elsewhere_motion_rmse,
+            sorted({one.code for one in report.findings if one.grade != 'trust'}))
 
 
 def cases(options):
-    """Return the cases: name of the world, function and its arguments."""
+    """Return the cases: world, name and joint."""
     from measured_table import rows_of
 
     from second_world.families import FAMILIES
-    from simulated_recordings.cases import CASES
+    from simulated_recordings import CASES
 
-    seeds = range(900, 900 + options.draws)
-    found = {
-        'measured': [(measured, str(folder / row.data), row.joint, row.error)
-                     for folder in options.data for row in rows_of(folder)
-                     if not options.sets or row.data in options.sets],
-        'single': [(simulated, case, seed) for case in ('', *CASES) for seed in seeds],
-        'second': [(second, family, 2 * seed) for family in FAMILIES for seed in seeds]}
+    found = {'measured': [(str(folder / row.data), row.joint) for folder in options.data
+                          for row in rows_of(folder)
+                          if not options.sets or row.data in options.sets],
+             'single': [(case, None) for case in ('', *CASES)],
+             'second': [(family, None) for family in FAMILIES]}
     return [(world, *case) for world in options.worlds for case in found[world]]
 
 
-def table(rows, names):
-    """Return the table of what is left out, in Markdown."""
+def tables(rows):
+    """Return a table of what is left out, and one of findings, in Markdown."""
     base = {tuple(row['case']): row for row in rows if not row['without']}
     worlds = list(dict.fromkeys(case[0] for case in base))
     lines = ['| without | ' + ' | '.join(worlds) + ' |', '|---' * (1 + len(worlds)) + '|']
-    for name in names:
+    for name in dict.fromkeys(row['without'] for row in rows if row['without']):
         cells = []
         for world in worlds:
             pairs = [(row, base[tuple(row['case'])]) for row in rows if row['without'] == name
@@ -168,55 +151,41 @@ def table(rows, names):
             cells.append(f'{np.exp(np.mean(np.log(ratios))):.2f} ({ratios.min():.2f} to '
                          f'{ratios.max():.2f}), {same} of {len(pairs)}' if pairs else '')
         lines.append(f'| {name} | ' + ' | '.join(cells) + ' |')
-    return lines
-
-
-def findings(rows):
-    """Return the table of findings, in Markdown."""
     given = defaultdict(list)
-    for row in rows:
-        if not row['without']:
-            for code in row['codes'] or ['none: trust']:
-                given[code].append(row['ratio'])
-    return ['| finding | cases | median, largest error over the one said |', '|---|---|---|'] + [
+    for row in base.values():
+        for code in row['codes'] or ['none: trust']:
+            given[code].append(row['ratio'])
+    return lines + ['', '| finding | cases | median, largest error over the one said |',
+                    '|---|---|---|'] + [
         f'| {code} | {len(found)} | {np.median(found):.2f}, {max(found):.2f} |'
         for code, found in sorted(given.items())]
 
 
 def main():
     """Judge all cases with all thresholds and parts, then without each of them."""
-    parser = table_parser(__doc__, draws=1, jobs=1)
+    parser = table_parser(__doc__, jobs=1)
     parser.add_argument('--without', nargs='*', default=[*OFF, *PARTS], choices=[*OFF, *PARTS])
     parser.add_argument('--worlds', nargs='*', default=['measured', 'single', 'second'])
-    parser.add_argument('--data', nargs='*', type=Path, default=[DATA])
+    parser.add_argument('--data', nargs='*', type=Path, default=[ROOT.parent / 'shared' / 'data'])
     parser.add_argument('--sets', nargs='*', help='names of measured sets; all by default')
     parser.add_argument('--rows', type=Path, default=Path('rows.json'))
-    parser.add_argument('--write', action='store_true')
     options = parser.parse_args()
     rows = json.loads(options.rows.read_text()) if options.rows.exists() else []
     known = {(row['without'], *row['case']) for row in rows}
     for name in ('', *options.without):
-        work = {}
         with processes(options.jobs, initializer=leave_out, initargs=(name,)) as pool:
-            for world, judge, *arguments in cases(options):
-                case = [world, *map(str, arguments)]
-                if (name, *case) not in known:
-                    work[pool.submit(judge, *arguments)] = case
+            work = {pool.submit(judge, *case): case for case in cases(options)
+                    if (name, *case) not in known}
             for done in as_completed(work):
                 if done.exception():
                     print(f'{name}, {work[done]}: {done.exception()}', file=sys.stderr)
                 else:
-                    rows.append({'without': name, 'case': work[done], **done.result()})
+                    rows.append({'without': name, 'case': work[done], **dict(zip(
+                        ('error', 'names', 'ratio', 'codes'), done.result()))})
         options.rows.write_text(json.dumps(rows, indent=1))
-    parts = [name for name in (*OFF, *PARTS) if name in {row['without'] for row in rows}]
-    sketch = [name for name in parts if name.startswith('as the sketch')]
-    texts = {'ablation': [*table(rows, [name for name in parts if name not in sketch]), '',
-                          *findings(rows)], 'exchange': table(rows, sketch)}
-    for name, lines in texts.items():
-        print('\n'.join(lines), '\n')
-        if options.write:
-            (ROOT / 'bench' / f'{name}.md').write_text(
-                f'# {__doc__.splitlines()[0]}\n\n' + '\n'.join(lines) + '\n')
+    title, text = __doc__.splitlines()[0], '\n'.join(tables(rows))
+    print(text)
+    (ROOT / 'bench' / 'ablation.md').write_text(f'# {title}\n\n{text}\n')
 
 
 if __name__ == '__main__':
