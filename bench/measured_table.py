@@ -14,7 +14,7 @@ folder without the README's sets, each with a `fit` and a `score` of a joint `st
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-import importlib.util
+import importlib
 import json
 import os
 from pathlib import Path
@@ -193,13 +193,15 @@ def hand_error(row, folder, terms, bandwidths=BANDWIDTHS):
 
 def sums_error(row, folder, file):
     """Return the error on score of block sums, a file with `refine` and `rebuild`."""
-    spec = importlib.util.spec_from_file_location('block_sums', file)
-    sums = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(sums)
+    if str(file.parent) not in sys.path:
+        sys.path.append(str(file.parent))
+    sums = importlib.import_module(file.stem)
     fit, score = (read_recording(folder / part, joint=row.joint) for part in ('fit', 'score'))
     model = sums.refine(fit)
     data, predicted = sums.rebuild(model, score, model['D'])
-    return score_error(row.error, np.column_stack([data.t, data.y, predicted]))
+    return score_error(row.error, np.concatenate([np.column_stack([
+        part.time, part.current, np.interp(part.time, data.t[own], predicted[own])])
+        for number, part in enumerate(score) for own in [data.rec == number]]))
 
 
 def measure(row, folder, output, options):
