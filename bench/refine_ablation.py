@@ -43,19 +43,18 @@ def better_in_parts(before, after):
                 and gain.sum() > 0.02 * before.sum() and np.mean(gain > 0.0) >= 0.7)
 
 
-def filter_by_time(samples, unusable, joints, load):
+def filter_by_time(problem):
     """Choose source and bandwidth as the sketch does: a plain drive, by parts of time."""
-    from friction_comp.model.differentiation import differentiate
     from friction_comp.refinement.block_sums import held_out_error
     from friction_comp.refinement.prepare import candidate_settings, plain_columns
 
-    best, chosen, bandwidths = np.inf, None, (3.0, 6.0, 12.0, 25.0, 50.0, 100.0)
-    for choice in candidate_settings(samples, samples.velocity, bandwidths):
-        moved = differentiate(samples, choice)
+    best, chosen, raw = np.inf, None, problem.raw
+    for choice in candidate_settings(raw, raw.velocity, (3.0, 6.0, 12.0, 25.0, 50.0, 100.0)):
+        moved = problem.moved(choice)
         speed = np.abs(moved.velocity)
-        rows = np.flatnonzero((speed > 0.03 * np.percentile(speed, 98)) & ~unusable)
-        error = held_out_error(plain_columns(moved.take(rows)), samples.current[rows],
-                               parts_of_time(samples, rows)) / len(rows)
+        rows = np.flatnonzero((speed > 0.03 * np.percentile(speed, 98)) & ~problem.unusable)
+        error = held_out_error(plain_columns(moved.take(rows)), problem.target[rows],
+                               parts_of_time(raw, rows)) / len(rows)
         if error < 0.995 * best:
             best, chosen = error, choice
     return chosen
@@ -68,13 +67,14 @@ PARTS = {
     'effects of time and history': {'search._with_late_terms': lambda fit: fit},
     'transition by all samples': {'search._fit_transition_to_all_samples': lambda *_: None},
     'constants adjusted': {'search.adjust_constants': lambda table, terms, rounds: list(terms)},
+    'collinear terms go': {'search.Search.without_collinear': lambda search, terms: list(terms)},
     'signs': {'effect_columns._EQ6_SIGNS': (0,) * 5,
               'effect_columns.signs_of': lambda term, count: [0] * count},
     'filters of signals': {'search.choose_signals': lambda *_: {},
                            'prepare.choose_signals': lambda *_: {}},
-    'as the sketch: motion': {'prepare.choose_differentiation': filter_by_time,
+    'as the sketch: motion': {'prepare.Problem.plain_settings': property(filter_by_time),
                               'search._at_best_motion': lambda problem, fit: fit},
-    'as the sketch: start': {'search.starts_of': lambda table: [[]]},
+    'as the sketch: start': {'search.first_model': lambda table: []},
     'as the sketch: criterion': {'prepare.regimes_in': parts_of_time,
                                  'search.Search.is_better': staticmethod(better_in_parts)},
 }
@@ -117,7 +117,7 @@ def judge(world, name, joint):
     how = next((row.error for row in ROWS if row.data == Path(name).name), Row.error)
     report = result.report
     return (score_error(how, table), [one.name for one in report.effects],
-            moving_error(result.model, parts) / report.after.elsewhere_motion_rmse,
+            moving_error(result.model, parts, how) / report.after.elsewhere_motion_rmse,
             sorted({one.code for one in report.findings if one.grade != 'trust'}))
 
 
