@@ -70,7 +70,7 @@ ONE, OTHER = {}, {'joint': '1'}
 
 
 @pytest.mark.parametrize(('name', 'save', 'given'), [
-    ('log.json', records, ONE), ('log.csv', dates, ONE), ('log.parquet', parquet, {'joint': '0'}),
+    ('log.json', records, ONE), ('LOG.CSV', dates, ONE), ('log.parquet', parquet, {'joint': '0'}),
     ('log.jsonl', json_lines, {'layout': Layout({'position': 'q_2', 'effort': 'tau_2'})}),
     ('log.h5', hdf5, OTHER), ('log.mat', hdf5, OTHER),
     ('log.csv.gz', decimal_commas, {'layout': Layout({'position': 'Winkel'})}),

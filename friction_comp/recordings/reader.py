@@ -87,7 +87,7 @@ def size_of(path: Path) -> int:
 
 def _expand(path: Path) -> Iterator[Path]:
     if all(part.is_file() for part in parts_of(path)):
-        if path.name.endswith((*BAGS, *TABLES)):
+        if path.name.endswith(BAGS) or is_table(path):
             yield path
     elif not path.is_dir():
         raise InputError(f'{path}: not a regular file')
