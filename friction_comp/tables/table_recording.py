@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.errors import errors_name, InputError, one_of
+from friction_comp.errors import InputError, one_of
 from friction_comp.facts.motion import at_times, not_in_radians, whole_numbers
 from friction_comp.facts.recorded import check_plausible, moves, not_in_seconds, tidied, usable
 from friction_comp.samples import JointStates, RecordingInfo, Samples
@@ -321,11 +321,11 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
     if not (np.diff(rows[0]) > 0.0).all():
         raise InputError(f'{path}: its times do not rise')
     arm = JointStates(tuple(positions), rows[1:].T)
-    with errors_name(path):
-        return {name: Samples.from_arrays(
-            time, position, current=np.zeros(size), joint=name,
-            velocity=use.signal_in(values, 'velocity', name)).with_(arm=arm)
-            for name, position in positions.items()}
+    speeds = {name: use.signal_in(values, 'velocity', name) for name in use.joints}
+    return {name: Samples(
+        rows[0], position, np.zeros(size), joint=name, arm=arm,
+        velocity=None if speed is None or not np.isfinite(speed).all() else speed)
+        for (name, speed), position in zip(speeds.items(), rows[1:])}
 
 
 def table_of(joints: Sequence[Samples]) -> Columns:
