@@ -50,6 +50,7 @@ from friction_comp.recordings import (
     write_samples,
 )
 from friction_comp.recordings.reader import without_topic
+from friction_comp.recordings.scan import Scan
 from friction_comp.tools.common import folder_names
 
 BATCHES = 30
@@ -189,16 +190,23 @@ def test_arrays_follow_the_joints_that_the_compensator_reports(tmp_path, reporte
     np.testing.assert_allclose(samples.command, 0.2)
 
 
-def test_joint_names_may_change_their_order(tmp_path):
-    messages = []
-    for k in range(40):
-        names = ('a', 'b') if k % 3 else ('b', 'a')
-        values = [float(k) if name == 'a' else -float(k) for name in names]
-        stamp = 1_000_000_000 + k * 1_000_000
-        messages.append(('/joint_states', stamp, joint_state(stamp, names, values, [], values)))
-    samples, = read_recording(record(tmp_path / 'r', messages), 'a')
-    np.testing.assert_array_equal(samples.position, np.arange(40.0))
-    assert samples.velocity is None
+@pytest.mark.parametrize('little', [True, False])
+def test_numbers_are_those_that_were_written_whatever_the_layout(tmp_path, little):
+    """Names, their order and number, frames, and which values there are change."""
+    rng, messages = np.random.default_rng(0), []
+    for k in range(300):
+        names = rng.permutation(['a', 'bb', 'ccc', 'é'])[:rng.integers(1, 5)]
+        kind, message = joint_state(10 ** 9 + k, names, *(
+            rng.normal(size=len(names) * rng.integers(0, 2)) for _ in range(3)))
+        message.header.frame_id = 'x' * rng.integers(0, 4)
+        messages.append(('/joint_states', 10 ** 9 + k, (kind, message)))
+    track, = Scan(record(tmp_path / 'r', messages, little_endian=little)).tracks
+    for k, (_, stamp, (_, message)) in enumerate(messages):
+        assert track.stamp[k] == track.receive[k] == stamp
+        for column, own in enumerate((message.position, message.velocity, message.effort)):
+            assert dict(zip(message.name, own)) == {
+                name: values[k, column] for name, values in track.values.items()
+                if np.isfinite(values[k, column])}
 
 
 def test_empty_stamps_are_replaced_by_receive_times(tmp_path):
