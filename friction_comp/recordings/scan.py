@@ -151,6 +151,8 @@ def _read_mcap(storage: Storage, file: Path, wanted: Wanted) -> Iterator[Message
                     type_name = schemas.get(own.schema_id, '')
                     channels[own.id] = own.topic, type_name, storage.declare(
                         own.topic, type_name, wanted, own.message_encoding)
+    # Whoever wrote it was stopped between two chunks.
+    raise LookupError
 
 
 def _records(data: bytes | mmap, at: int = 0) -> Iterator[tuple[int, bytes]]:
