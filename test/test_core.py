@@ -47,10 +47,9 @@ def test_sigmoid_is_equation_6_as_printed(number):
        shift=st.floats(-0.02, 0.02), viscous=st.floats(0, 0.5))
 def test_coefficients_give_the_same_curve_back(upper, lower, steepness, shift, viscous):
     sigmoid = Sigmoid(upper, lower, steepness, shift, viscous)
-    for unit in ('rad/s', 'deg/s'):
-        back = Sigmoid.from_coefficients(sigmoid.coefficients(unit), unit)
-        velocity = np.linspace(-2, 2, 41)
-        assert back(velocity) == pytest.approx(sigmoid(velocity), rel=1e-6, abs=1e-9)
+    back = Sigmoid.from_coefficients(sigmoid.coefficients())
+    velocity = np.linspace(-2, 2, 41)
+    assert back(velocity) == pytest.approx(sigmoid(velocity), rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize('coefficients', [

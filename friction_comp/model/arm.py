@@ -47,6 +47,7 @@ class Tree:
     # entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz of the inertia about the frame's origin, kg·m².
     parameters: np.ndarray
     gravity: np.ndarray         # (3,), of free fall in the frame of the base, m/s²
+    signal = 'rigid_body'
 
     def __post_init__(self) -> None:
         size = len(self.joints)
@@ -90,6 +91,13 @@ class Tree:
         joint_torques(self.parents, self.prismatic, self.rotations, self.places, self.axes,
                       self.parameters, self.gravity, q, v, a, result)
         return result
+
+    def on(self, joint: str, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return the torque of one joint, (N,), see `torques`; InputError if there is none."""
+        if joint not in self.joints:
+            raise InputError(f'joint {joint!r} is not part of the arm: '
+                             f'{", ".join(map(repr, self.joints))}')
+        return self.torques(q, v, a)[:, self.joints.index(joint)]
 
     def weight(self, position: np.ndarray) -> np.ndarray:
         """Return the torque that holds the arm at rest, shape (L,), at a position of shape (L,)."""
@@ -191,25 +199,18 @@ class Group:
 class Coupling:
     """A joint's current due to other joints, found without a URDF; coefficients in A per term."""
 
+    signal = 'coupling'
+
     groups: tuple[Group, ...]
     coefficients: tuple[tuple[float, ...], ...]
 
-    def current(self, names: Sequence[str], q: np.ndarray, v: np.ndarray,
-                a: np.ndarray) -> np.ndarray:
-        """Return the current in A, shape (N,), for the motion of all joints."""
-        total = np.zeros(len(q))
-        for group, coefficients in zip(self.groups, self.coefficients):
-            total += group.columns(names, q, v, a) @ np.asarray(coefficients)
-        return total
-
-    def weight(self, names: Sequence[str], q: np.ndarray) -> float:
-        """Return the current in A with all joints at rest at positions q, shape (J,), rad."""
-        states = q[None]
-        still = np.zeros_like(states)
-        return float(sum(
-            (group.columns(names, states, still, still) @ np.asarray(coefficients))[0]
-            for group, coefficients in zip(self.groups, self.coefficients)
-            if group.kind == 'weight'))
+    def on(self, joint: str, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return the current in A, shape (N,), for motion of `joints`, (N, J); at rest a weight."""
+        moves = bool(v.any() or a.any())
+        return np.asarray(sum(
+            (group.columns(self.joints, q, v, a) @ np.asarray(coefficients)
+             for group, coefficients in zip(self.groups, self.coefficients)
+             if moves or group.kind == 'weight'), np.zeros(len(q))))
 
     @property
     def joints(self) -> list[str]:
@@ -344,7 +345,7 @@ class Arm:
     @property
     def signal(self) -> str:
         """The field of `Samples` that `with_signal` fills."""
-        return 'coupling' if isinstance(self.source, Coupling) else 'rigid_body'
+        return self.source.signal
 
     def with_signal(self, samples: Samples, joint: str = '') -> Samples:
         """Return samples with `rigid_body` in N·m, or `coupling` in A, if it is not known yet.
@@ -356,16 +357,7 @@ class Arm:
         if getattr(samples, self.signal) is not None:
             return samples
         motion = moving_states(samples, self.joints, self.differentiation)
-        if isinstance(self.source, Coupling):
-            return samples.with_(coupling=self.source.current(self.joints, *motion))
-        return samples.with_(
-            rigid_body=self.source.torques(*motion)[:, self._index(joint or samples.joint)])
-
-    def _index(self, joint: str) -> int:
-        if joint not in self.joints:
-            raise InputError(f'joint {joint!r} is not part of the arm: '
-                             f'{", ".join(map(repr, self.joints))}')
-        return self.joints.index(joint)
+        return samples.with_(**{self.signal: self.source.on(joint or samples.joint, *motion)})
 
     def at_rest(self, positions: Mapping[str, float], joint: str) -> dict[str, float]:
         """Return what the arm adds to the signals of a joint at rest, N·m or A, by name.
@@ -374,11 +366,10 @@ class Arm:
         """
         if not all(name in positions for name in self.joints):
             return {}
-        q = np.array([positions[name] for name in self.joints], dtype=float)
-        weight = (self.source.weight(q)[self._index(joint)] if isinstance(self.source, Tree) else
-                  self.source.weight(self.joints, q))
+        q = np.array([[positions[name] for name in self.joints]], dtype=float)
+        still = np.zeros_like(q)
         return {**({} if self.friction is None else {self.friction.signal: 0.0}),
-                self.signal: float(weight)}
+                self.signal: float(self.source.on(joint, q, still, still)[0])}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the arm as the plain values of a model file."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import namedtuple
 from collections.abc import Callable, Sequence
-import copy
 from dataclasses import dataclass
 from itertools import product
 import math
@@ -401,9 +400,7 @@ def with_range(effect: Effect, samples: Samples) -> Effect:
             low, high = np.percentile(values, (0.1, 99.9))
             more = beyond * (high - low)
             ranges[name] = (float(low - more), float(high + more))
-    twin = copy.copy(effect)
-    twin.valid_range = ranges
-    return twin
+    return type(effect)(effect.parameters, ranges)
 
 
 SHARPEST_LIVE = 0.01

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_comp.errors import Checked, InputError, number, stated
+from friction_comp.errors import Checked, InputError, listed, number, stated
 
 VELOCITY_UNITS = {'rad/s': 1.0, 'deg/s': math.pi / 180.0}
 
@@ -60,35 +60,26 @@ class Sigmoid(Checked):
                           velocity_unit: str = 'rad/s') -> Sigmoid:
         """Make a sigmoid from c1..c6 of Eq. 6, with ω in rad/s or, as in Eq. 11, in deg/s.
 
-        Raises InputError if there are not six finite numbers with c2, c4 and c5 positive.
+        Raises InputError if they are not six finite numbers with c2, c4 and c5 positive.
         """
-        unit = _unit(velocity_unit)
-        try:
-            values = [float(value) for value in coefficients]
-        except (TypeError, ValueError):
-            raise InputError(f'sigmoid coefficients must be numbers: {coefficients!r}') from None
-        if len(values) != 6 or not all(map(math.isfinite, values)):
-            raise InputError(f'sigmoid needs six finite coefficients, not {coefficients!r}')
+        unit = VELOCITY_UNITS.get(str(velocity_unit))
+        if unit is None:
+            raise InputError(f'velocity unit must be one of {sorted(VELOCITY_UNITS)}, not '
+                             f'{velocity_unit!r}')
+        values = listed(number())(coefficients, 'sigmoid.coefficients')
+        if len(values) != 6 or min(values[1], *values[3:5]) <= 0.0:
+            raise InputError('sigmoid.coefficients must be six numbers, of which c2, c4 and c5 are '
+                             f'positive, not {coefficients!r}')
         c1, c2, c3, c4, c5, c6 = values
-        if c2 <= 0 or c4 <= 0 or c5 <= 0:
-            raise InputError('sigmoid coefficients c2, c4 and c5 must be positive')
         return cls(
             upper=c1 / c4, lower=-c3 / c5, steepness=c2 / unit,
             shift=-math.log(c4 / c5) / c2 * unit, viscous=c6 / unit)
 
-    def coefficients(self, velocity_unit: str = 'rad/s') -> tuple[float, ...]:
-        """Return c1..c6 of Eq. 6; the sum c4 + c5, which Eq. 6 leaves free, is 2."""
-        unit = _unit(velocity_unit)
+    def coefficients(self) -> tuple[float, ...]:
+        """Return c1..c6 of Eq. 6, ω in rad/s; the sum c4 + c5, which Eq. 6 leaves free, is 2."""
         with np.errstate(over='ignore'):
             # The transition's share at standstill.
             share = kinetic_current(0.0, 1.0, 0.0, self.steepness, self.shift, 0.0)
         c4 = 2.0 * float(share)
         c4, c5 = max(c4, 2e-12), max(2.0 - c4, 2e-12)
-        return (self.upper * c4, self.steepness * unit, -self.lower * c5, c4, c5,
-                self.viscous * unit)
-
-
-def _unit(name: str) -> float:
-    if not isinstance(name, str) or name not in VELOCITY_UNITS:
-        raise InputError(f'velocity unit must be one of {sorted(VELOCITY_UNITS)}, not {name!r}')
-    return VELOCITY_UNITS[name]
+        return self.upper * c4, self.steepness, -self.lower * c5, c4, c5, self.viscous
