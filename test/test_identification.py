@@ -25,8 +25,6 @@ from friction_comp.identification.run import IdentificationRun, TrajectoryRun
 from friction_comp.identification.supervised_run import Supervision
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.undeclared import Undeclared
 
 # s; the note's experiments, in test_simulation.py, are at a thousand samples a second, and what is
 # decided within milliseconds has twice as many samples
@@ -249,20 +247,6 @@ def test_what_is_no_fault_is_tolerated(changes, error):
     assert half == pytest.approx(float(model.sigmoid(result.speeds[-1])), rel=0.05)
     assert not any('backlash' in warning for warning in result.warnings)
     assert result.breakaway.friction == pytest.approx(0.0995, rel=0.1)
-
-
-def test_lag_and_gravity_shift_the_currents_of_both_directions_alike():
-    """So that their difference is friction."""
-    model = note_model(1, current_noise=0.02)
-    plant = Plant([model], seed=4, sample_time=0.5 * STEP, undeclared=[Undeclared.from_effects([
-        {'name': 'actuation_lag', 'parameters': {'lag': 0.005}},
-        {'name': 'gravity', 'parameters': {'amplitude': 0.4, 'phase': 0.2}}])])
-    bench = Bench(model=model, plant=plant)
-    result = bench.finish()
-    assert bench.farthest <= 0.4
-    half = 0.5 * (result.currents[-1] - result.currents[0])
-    truth = 0.5 * (model.sigmoid(result.speeds[-1]) - model.sigmoid(result.speeds[0]))
-    assert half == pytest.approx(float(truth), rel=0.05)
 
 
 def test_presliding_of_an_encoder_coarser_than_stated_is_not_made_up():
