@@ -515,6 +515,10 @@ def test_messages_in_other_units_are_read_as_the_units_say(tmp_path, unit, posit
 @pytest.mark.skipif(not CASES.is_dir(), reason='inputs from public reports are not here')
 @pytest.mark.parametrize(('file', 'layout', 'fact'), [
     ('csv_trailing_commas/log.csv', {}, ('', 'N·m', 12000)),
+    ('export_unit_not_torque/dxl.csv', {
+        'columns': {'time': 'timestamp_ms', 'position': 'Present Position',
+                    'effort': 'Present Current'},
+        'units': {'position': 'counts/4096', 'effort': 'LSB'}}, ('', 'LSB', None)),
     ('lift_units/lift.csv', {'units': {'position': 'm', 'velocity': 'm/s', 'effort': '62N'}},
      ('lift', 'N', 1500)),
     ('lift_units/lift.csv', {'columns': {'effort': 'lift.motor.current'},

@@ -145,10 +145,15 @@ class TableRecording:
         if not size:
             raise InputError(f'{self.path}: has no row below its header')
         time = np.arange(size) / layout.rate if layout.rate else _times(use, columns, self.path)
-        for column in use.columns:
+        for column in list(use.columns):
             if fault := _unit_fault(column, columns[column.name]):
-                raise InputError(f'{self.path}: column {column.name!r} {fault}: give its unit, '
-                                 f'--unit {_EXAMPLES[column.signal]}')
+                said = (f'column {column.name!r} {fault}: give its unit, '
+                        f'--unit {_EXAMPLES[column.signal]}')
+                if column.signal != 'velocity':
+                    raise InputError(f'{self.path}: {said}')
+                # It can be computed from the position.
+                use.columns.remove(column)
+                use.notes.append(f'{said}; it is not used')
         columns, time = _in_order(columns, time, use.notes)
         self._columns, self._time = _whole_rows(columns, time, use)
 
