@@ -104,7 +104,7 @@ def judge(world, name, joint):
     from second_world import judging
 
     if world == 'single':
-        draw = one_draw(((name,) if name else (), '', 900))
+        draw = one_draw(((name,) if name else (), 900))
         return draw['ratio'], [name for name, _ in draw['found']], draw['elsewhere'], draw['codes']
     if world == 'second':
         case = judging.judge(name, 900)

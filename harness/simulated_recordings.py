@@ -3,7 +3,7 @@
 """Random drives with undeclared effects, and recordings of them, to try refinement on.
 
 A drive is drawn from one seed, each recording of it from another. What is drawn is kept in the
-`SimulatedDrive`; of a recording, refinement gets `SimulatedRecording.samples` and nothing else.
+`SimulatedDrive`.
 """
 
 from __future__ import annotations
@@ -247,14 +247,6 @@ class SimulatedDrive:
         return math.hypot(self.noise, self.wander)
 
 
-@dataclass(frozen=True)
-class SimulatedRecording:
-    """A recording and its truth: the current in A before noise, shape (N,)."""
-
-    samples: Samples
-    noise_free: np.ndarray
-
-
 def random_drive(seed, cases=()):
     """Draw a drive with some of `CASES`; without any, nothing of it is undeclared."""
     rng = np.random.default_rng([seed, 1])
@@ -328,11 +320,10 @@ def _one_recording(drive, rng, excitation, start):
     optional = {'temperature': temperature[keep] + 0.1 * rng.standard_normal(truth.size)}
     if excitation.load > 0:
         optional['load'] = load[keep] + 0.005 * level * rng.standard_normal(truth.size)
-    samples = Samples(
+    return Samples(
         time=start + np.arange(size)[keep] * STEP,
         position=np.round(position[keep] / count) * count, current=measured,
         joint=drive.model.joint, **optional)
-    return SimulatedRecording(samples=samples, noise_free=truth)
 
 
 def _tracked(drive, undeclared, position, load):

@@ -311,7 +311,7 @@ def plain_drive(effects, **changes):
 def moved(effects, load=0.0, **changes):
     """Return steadily moving samples (x, v, t, load, current) of a recording with the effects."""
     drive = plain_drive(effects, **changes)
-    samples = record(drive, 4, Excitation(duration=40.0, load=load))[0].samples
+    samples = record(drive, 4, Excitation(duration=40.0, load=load))[0]
     step = samples.sample_time
     velocity = np.gradient(samples.position, step)
     velocity = np.convolve(velocity, np.ones(11) / 11, 'same')
@@ -342,8 +342,8 @@ def test_temperature_scales_friction():
     # It starts up to 30 K above ambient.
     drive = plain_drive(effect, thermal={'ambient': 20.0, 'heating': 60.0, 'time_constant': 60.0})
     excitation = Excitation(duration=60.0, temperature=True, rests=False)
-    warm = record(drive, 4, excitation)[0].samples
-    cold = record(replace(drive, effects=[]), 4, excitation)[0].samples
+    warm = record(drive, 4, excitation)[0]
+    cold = record(replace(drive, effects=[]), 4, excitation)[0]
     share = np.median((warm.current / cold.current)[np.abs(cold.current) > 1.0])
     mean = np.mean(warm.temperature)
     assert np.ptp(warm.temperature) > 3.0

@@ -31,7 +31,7 @@ from simulated_recordings import excitation_for, random_drive, record
 def write_recording(path, seed=40, **options):
     """Write a short recording of one drive that hides gravity."""
     samples = record(random_drive(3, ['gravity']), seed, excitation_for(
-        ['gravity'], **{'duration': 4.0, 'rate': 60.0, **options}))[0].samples
+        ['gravity'], **{'duration': 4.0, 'rate': 60.0, **options}))[0]
     write_samples(path, samples)
 
 

@@ -53,7 +53,7 @@ def folder(drive, tmp_path_factory):
     room = tmp_path_factory.mktemp('refine')
     excitation = excitation_for(('cogging',), duration=40.0, rate=RATE)
     for name, seed in (('fit', 5), ('score', 6)):
-        samples = record(drive, seed, excitation)[0].samples.with_(joint='elbow')
+        samples = record(drive, seed, excitation)[0].with_(joint='elbow')
         write_samples(room / name, samples,
                       drive.model.drive.torque_constant, drive.model.drive.gear_ratio)
     with open(room / 'said.txt', 'w', encoding='utf-8') as said, redirect_stdout(said):
@@ -205,7 +205,7 @@ def test_the_effects_hidden_in_an_example_alone_are_found():
 
 @pytest.mark.parametrize('load', [None, 0.5])
 def test_without_the_load_only_what_no_law_drove_shows_friction(drive, tmp_path, load):
-    samples = record(drive, 3, excitation_for((), duration=10.0, rate=RATE))[0].samples
+    samples = record(drive, 3, excitation_for((), duration=10.0, rate=RATE))[0]
     samples = samples.with_(joint='elbow', time=samples.time - samples.time[0] + 1.0,
                             load=load and np.full(len(samples.time), load))
     for name, changes in (('half', [(0, ('none', '')), (5, ('continuous', 'elbow.yaml'))]),

@@ -14,9 +14,8 @@ import functools
 from closed_loop import closed_loop
 from helpers import note_model
 import numpy as np
-from outside_effects import OUTSIDE
 import pytest
-from refine_table import error, recordings
+from refine_table import error
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.direction.exercise import ReferenceMovement
@@ -36,13 +35,12 @@ MORE = {'rest': {'rate': 125.0, 'duration': 75.0}}
 
 
 @functools.cache
-def refined(cases, seed, outside=''):
+def refined(cases, seed):
     """Return the report, and the error on a fresh recording in parts of the noise floor."""
     drive = random_drive(seed, cases)
     changes = {**RECORDED, **MORE.get('+'.join(cases), {})}
-    fit, score = (recordings(drive, number, cases, outside, **changes)
-                  for number in (10 * seed + 1, 10 * seed + 2))
-    result = refine([trial.samples for trial in fit], model=None, drive=drive.model.drive)
+    fit, score = (record(drive, 10 * seed + k, excitation_for(cases, **changes)) for k in (1, 2))
+    result = refine(fit, model=None, drive=drive.model.drive)
     return result.report, error(result.model, score) / drive.noise_floor
 
 
@@ -80,15 +78,6 @@ def test_nothing_is_found_where_nothing_is():
     assert ratio <= 1.3
 
 
-@pytest.mark.parametrize('name', OUTSIDE)
-def test_what_no_effect_describes_is_traced_to_its_variable(name):
-    report, _ = refined((), 50, outside=name)
-    allowed = OUTSIDE[name][1]
-    assert allowed & {entry.variable for entry in report.unexplained} or (
-        'signals' in {one.code for one in report.findings})
-    assert set(variables(report)) <= allowed or report.verdict != 'trust'
-
-
 THERMAL = {'ambient': 22.0, 'heating': 200.0, 'time_constant': 60.0}
 # Effect, and the variable under which it must be found: one each of speed, place, temperature and
 # history. The drive's friction is 1.2 N·m.
@@ -110,7 +99,7 @@ def trials(declared, name, seed):
     drive = SimulatedDrive(model=declared, effects=effect_of(name), noise=0.002,
                            thermal=THERMAL)
     excitation = excitation_for((name,), rate=125.0, duration=60.0)
-    return [trial.samples for trial in record(drive, seed, excitation)]
+    return record(drive, seed, excitation)
 
 
 def identified(declared, name):
