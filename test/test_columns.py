@@ -159,8 +159,8 @@ def test_an_effort_that_was_asked_for_is_no_measurement(name, said):
 
 
 def test_a_linear_axis_is_reported_in_metres_and_newtons():
-    assert assign(['t', 'pos', 'force'], Layout(units={'position': 'mm', 'effort': 'N'}),
-                  'log').linear
+    for units in ({'position': 'mm', 'effort': 'N'}, {'effort': 'N'}):
+        assert assign(['t', 'pos', 'force'], Layout(units=units), 'log').linear
     assert in_own_units({'a': ['3 N·m·s/rad', 2.0]}, True) == {'a': ['3 N·s/m', 2.0]}
     assert in_own_units('Cogging: 628.3 times a turn', True) == 'Cogging: 100 times a metre'
     assert in_own_units('3 N·m', False) == '3 N·m'

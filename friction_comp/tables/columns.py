@@ -487,6 +487,10 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     if layout.joint and layout.joint not in joints.values() and given is not None:
         joints[given] = layout.joint
     used = [replace(c, joint=joints.get(c.key, '')) for c in used]
+    # Forces move a linear axis.
+    if any(c.dimension == 'force' and c.stated for c in used if c.signal == 'effort'):
+        used = [replace(c, dimension='length', unit='m') if c.signal == 'position'
+                and not c.stated else c for c in used]
     return Assignment(used, layout, _notes(used, layout),
                       joints.get(own, '') if named and len(joints) > 1 else None)
 
