@@ -35,25 +35,20 @@ _INTERPOLATED = {
 }
 
 
-class Bag:
-    """The joints of a bag.
-
-    `joint` may name a topic of joint states of any name, `units` are those of joint states. Only
-    the beginning is read until there are `first` joint states. Raises InputError if it cannot be
-    read.
-    """
+class Bag(Scan):
+    """The joints of a bag; arguments are those of `Scan`, and the units of joint states."""
 
     def __init__(self, path: Path, joint: str | None = None,
                  units: Mapping[str, Unit] | None = None, first: float = math.inf) -> None:
-        self._scan = Scan(path, joint, first)
+        super().__init__(path, joint, first)
         self.path, units = path, units or {}
         factors = [units[signal].factor if signal in units else 1.0 for signal in STATES]
-        self._tracks = [replace(track, values={
-            name: values[:, :len(factors)] * factors for name, values in track.values.items()})
-            if units and track.signal == 'joint_states' else track for track in self._scan.tracks]
+        self.tracks = [replace(track, values={
+            name: values * factors for name, values in track.values.items()})
+            if units and track.signal == 'joint_states' else track for track in self.tracks]
         dimensions = {unit.dimension for unit in units.values()}
-        self._in_ampere = self._scan.in_ampere or 'current' in dimensions
-        self._linear = bool(dimensions & {'length', 'length/time', 'force'})
+        self.in_ampere = self.in_ampere or 'current' in dimensions
+        self.linear = bool(dimensions & {'length', 'length/time', 'force'})
 
     @property
     def joints(self) -> list[str]:
@@ -75,7 +70,7 @@ class Bag:
 
         Those in the namespace of a `topic` go before another robot's.
         """
-        tracks = [track for track in self._tracks if track.signal == signal]
+        tracks = [track for track in self.tracks if track.signal == signal]
         exact = [t for t in tracks if t.topic.rsplit('/', 1)[-1] == signal]
         namespace = topic.rpartition('/')[0] + '/'
         return sorted(exact or tracks, key=lambda track: not track.topic.startswith(namespace))
@@ -85,7 +80,7 @@ class Bag:
 
         Raises InputError with the choices if it is not clear.
         """
-        joints, wanted, topics = self._joints, TOPICS['joint_states'], self._scan.topics
+        joints, wanted, topics = self._joints, TOPICS['joint_states'], self.topics
         if not joints:
             own = sorted(topic for topic, (kind, _) in topics.items() if kind == wanted)
             if any(topic.endswith('joint_states') for topic in own):
@@ -112,15 +107,15 @@ class Bag:
 
         Raises InputError if the joint is missing or not named, or the values are impossible.
         """
-        scan, per_current = self._scan, 1.0 if self._in_ampere else torque_per_current
+        per_current = 1.0 if self.in_ampere else torque_per_current
         track, key = self.find(joint)
         joint, own = key or joint or '', track.values[key]
         # The active model: that in the metadata, else the one reported last.
-        models = [report.model for report in scan.activity if report.model]
+        models = [report.model for report in self.activity if report.model]
         info = RecordingInfo(
-            self.path, joint, scan.topics, notes=list(scan.notes), linear=self._linear,
-            model=scan.custom.get('model_file') or (models[-1] if models else None),
-            effort_is_current=self._in_ampere)
+            self.path, joint, self.topics, notes=list(self.notes), linear=self.linear,
+            model=self.custom.get('model_file') or (models[-1] if models else None),
+            effort_is_current=self.in_ampere)
         stamp = track.stamp
         if 2 * np.count_nonzero(stamp) < len(stamp):
             info.notes.append('stamps are zero: receive times are used')
@@ -142,13 +137,13 @@ class Bag:
                 ('stamp far off, not later than those before, or after the clock was set back',
                  np.count_nonzero(finite) - len(order))):
             info.notes += [f'{count} joint states left out: {reason}'] if count else []
-        if lost := scan.custom.get('messages_lost', ''):
+        if lost := self.custom.get('messages_lost', ''):
             info.notes.append(f'the recorder lost messages: {lost}')
         origin = int(stamp[order[0]])
         info.start, info.stamps = origin * 1e-9, (stamp - origin) * 1e-9
         base = _States(stamp[order], track.receive[order], bool(track.stamp.any()), info.notes)
         info.activity = [(float(base.clock(report.time) - origin) * 1e-9, report.of(joint))
-                         for report in scan.activity]
+                         for report in self.activity]
         samples, kept = tidied(Samples(
             info.stamps[order], position[order], effort[order] / per_current,
             velocity=None if velocity is None else velocity[order], joint=joint,
@@ -188,7 +183,7 @@ class Bag:
                                       f'the joint states: {name} is not known at {unknown} of them')
         # Arrays have no joint names: their order is what the node that commands reports, else that
         # of the reference, else that of the joint states.
-        orders = [*(report.joints.split(', ') for report in self._scan.activity if report.joints),
+        orders = [*(report.joints.split(', ') for report in self.activity if report.joints),
                   *([*track.values] for track in self._of('reference', states.topic)),
                   [*states.values]]
         command, plain = (
@@ -197,7 +192,7 @@ class Bag:
         if command is not None:
             signals['command'], _ = base.hold(*command)
             # A compensator answers every joint state.
-            if self._scan.activity:
+            if self.activity:
                 signals['command'][base.silent(*command)] = np.nan
         directions = []
         if plain is not None:
