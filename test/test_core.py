@@ -15,7 +15,6 @@ from friction_comp.identification.curves import fit_sigmoid, sigmoid_error
 from friction_comp.model.differentiation import differentiate, prepared_signal
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
-from friction_comp.statistics import top_speed
 
 # Drive, samples, sigmoid, statistics, and the checks of numbers from outside.
 
@@ -76,15 +75,6 @@ def test_segments_break_at_gaps_and_at_recordings():
     assert Samples.concatenate([stretch(0, 3, load=np.ones(3)), stretch(1, 3)]).load is None
     with pytest.raises(InputError, match='velocity'):
         stretch(0, 3, velocity=np.zeros(4))
-
-
-@given(rests=st.integers(0, 100_000), seed=st.integers(0, 100))
-def test_rests_lower_the_top_speed_by_no_more_than_half(rests, seed):
-    random = np.random.default_rng(seed)
-    speed = np.abs(np.sin(np.arange(2000) * 0.01)) * 0.5
-    noise = 1e-6 * random.random(rests)
-    assert 0.2 < top_speed(np.concatenate((speed, noise))) <= top_speed(speed) < 0.5
-    assert top_speed(np.zeros(rests)) == 0.0
 
 
 @given(st.floats(), st.floats(-10, 10), st.floats(0, 20))

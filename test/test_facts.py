@@ -72,8 +72,6 @@ CURRENT, VELOCITY = strokes().current, strokes().velocity
     (strokes(current=register(CURRENT)), 'its sign is a bit'),
     (strokes(current=register(CURRENT, negative=True)), 'its sign is a bit'),
     (strokes(velocity=-VELOCITY), 'one of the two has the wrong sign'),
-    (strokes(velocity=np.degrees(VELOCITY)), 'velocity is in deg/s, not rad/s'),
-    (strokes(velocity=1.4 * VELOCITY), 'really 1.4 times the one given'),
     (strokes(), ''),
     (strokes(velocity=None), ''),
     # A person drives the joint, or the motor brakes as it was told to.

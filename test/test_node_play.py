@@ -4,7 +4,6 @@
 
 from dataclasses import replace
 import signal
-import sys
 import time
 from types import SimpleNamespace
 
@@ -128,15 +127,6 @@ def test_a_trajectory_that_cannot_be_played_is_refused(wrong, words):
     with pytest.raises(InputError, match=words):
         trajectory_goal(PlayTrajectory.Goal(trajectory=message), [JOINT, 'wrist'],
                         {'ramp_slope': 0.06, 'ramp_period': 10.0})
-
-
-def test_without_the_type_of_trajectory_controllers_the_tool_says_what_to_install(
-        tmp_path, capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, 'control_msgs', None)
-    path = tmp_path / 'trajectory.yaml'
-    path.write_text(motion().to_yaml(''), encoding='utf-8')
-    assert run('play', [str(path), '--controller', 'arm_controller']) == 2
-    assert 'install ros-jazzy-control-msgs' in capsys.readouterr().err
 
 
 def test_a_result_is_not_waited_for_when_its_node_is_gone(monkeypatch, capsys):

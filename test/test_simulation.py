@@ -21,7 +21,6 @@ from friction_comp.note.experiments import EXPERIMENTS
 from friction_comp.recordings import read_arm
 from friction_comp.simulation.joint import (
     ARRIVED,
-    draw_levels,
     friction_level,
     joint_parameters,
     JOINT_STATE,
@@ -69,20 +68,6 @@ def test_sliding_friction_is_equation_6():
                 scale * float(model.sigmoid(speed)), rel=2e-3)
             assert friction_level(p, s, speed, False) == pytest.approx(
                 -scale * float(model.sigmoid(-speed)), rel=2e-3)
-
-
-def test_breakaway_scatters_with_the_declared_deviation():
-    """Levels drawn at new rests have the model's mean and standard deviation."""
-    model = note_model(3)
-    p = joint_parameters(model)
-    s = np.zeros(1, JOINT_STATE)[0]
-    random = random_states(4, 1)[0]
-    drawn = []
-    for _ in range(4000):
-        draw_levels(p, s, random)
-        drawn.append(s['level_positive'] / model.drive.torque_per_current)
-    assert np.mean(drawn) == pytest.approx(0.3357, rel=5e-3)
-    assert np.std(drawn) == pytest.approx(0.0172, rel=0.06)
 
 
 def test_sensors_quantise_and_limit():
