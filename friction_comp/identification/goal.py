@@ -60,14 +60,6 @@ def cycle_state(time: float, speed: float, cycle_time: float) -> tuple[float, fl
     return speed * cycle_time * moved, forth * speed * slope
 
 
-def constant_velocity_windows(cycle_time: float, settling: float = 0.0
-                              ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the phases of Eq. 3 at +ω_c and -ω_c, s, without `settling`, or 60 % of each."""
-    skipped = min(max(settling, 0.0), 0.18 * cycle_time)
-    return ((0.1 * cycle_time + skipped, 0.4 * cycle_time),
-            (0.6 * cycle_time + skipped, 0.9 * cycle_time))
-
-
 class MotionGoal(ABC):
     """How a joint may be moved, and the current ramps that break it free."""
 
@@ -137,8 +129,7 @@ class IdentificationGoal(MotionGoal):
     def too_short(self, speed: float, step: float) -> str:
         """Return why a cycle has too few samples, one every `step`, s; '' if it has enough."""
         duration, width = self.cycle(speed)
-        # A fifth more than needed, as they may come unevenly; without what settles, see
-        # `constant_velocity_windows`.
+        # A fifth more than needed, as they may come unevenly; without what settles: `phases_of`.
         needed = 1.2 * FEWEST * step
         shortest = max(0.12 / 0.3, min(needed / 0.12, (needed + SETTLING) / 0.3))
         return '' if duration >= shortest else (

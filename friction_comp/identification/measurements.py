@@ -23,12 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from friction_comp.identification.goal import (
-    constant_velocity_windows,
-    FEWEST,
-    IdentificationError,
-    SETTLING,
-)
+from friction_comp.identification.goal import FEWEST, IdentificationError, SETTLING
 from friction_comp.model.model_file import Breakaway, Presliding
 from friction_comp.statistics import noise_level, rms
 
@@ -117,10 +112,13 @@ class Cycle:
 
 
 def phases_of(samples: np.ndarray, begin: float, duration: float) -> list[np.ndarray]:
-    """Return rows of s, rad and A of a cycle's two phases at constant velocity, as far as known."""
-    since = samples[:, 0] - begin
-    return [samples[(since >= first) & (since <= last) & np.isfinite(samples[:, 2])]
-            for first, last in constant_velocity_windows(duration, SETTLING)]
+    """Return rows of s, rad and A of a cycle's two phases at constant velocity, as far as known.
+
+    Without the time in which the controller settles, or 60 % of each.
+    """
+    since, skipped = samples[:, 0] - begin, min(SETTLING, 0.18 * duration)
+    return [samples[(since >= first * duration + skipped) & (since <= last * duration)
+                    & np.isfinite(samples[:, 2])] for first, last in ((0.1, 0.4), (0.6, 0.9))]
 
 
 def _mean_of(speed: float, phase: np.ndarray) -> KineticPoint:
