@@ -19,6 +19,10 @@ from typing import Any, TypeVar
 T = TypeVar('T')
 
 
+PROGRESS = 'FRICTION_COMP_PROGRESS'
+"""Environment variable of who wants lines of progress on standard error: share and step."""
+
+
 class _TolerantStream:
     """A text stream that discards its output once its reader has closed the pipe."""
 
@@ -74,7 +78,11 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
     """Show a progress bar on standard error while the block runs, if that is a terminal.
 
     Yields ``report(share, description=None)`` for the share 0..1 that is done, None if unchanged.
+    For a program that has set `PROGRESS`, these become lines.
     """
+    if PROGRESS in os.environ:
+        yield lambda share, step='': print(share, step, file=sys.stderr, flush=True)
+        return
     if not sys.stderr or not sys.stderr.isatty():
         yield lambda *_, **__: None
         return

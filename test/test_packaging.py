@@ -326,7 +326,7 @@ NODE = """
     sys.modules['os']._exit(0)
 """
 LABORATORY = ('refinement', 'reports', 'evaluation', 'fleet', 'excitation', 'simulation', 'note',
-              'demo', 'recorded_drive', 'tools')
+              'demo', 'tools')
 JOINT = ("'-p', 'joints:=[elbow]', '-p', "
          "'model_files:=[config/armin_configuration_1.yaml]'")
 

@@ -25,17 +25,13 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import Breakaway
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.recorded_drive.refine_recordings import (
-    Given,
-    showing_friction,
-    with_current_limit,
-)
 from friction_comp.recordings import read_recording, read_recording_with_info, write_samples
 from friction_comp.refinement import refine
 from friction_comp.refinement.judge import Finding, verdict_of
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import predict as run_predict
+from friction_comp.tools.recorded_drive import Given, showing_friction, with_current_limit
 from friction_comp.tools.refine import refine as run_refine
 from simulated_recordings import excitation_for, random_drive, record
 

@@ -8,7 +8,11 @@ import ast
 from collections import deque
 from datetime import datetime
 import math
+import os
 from pathlib import Path
+import re
+import subprocess
+import sys
 import time
 from typing import Any, NamedTuple
 
@@ -21,19 +25,17 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 
 from friction_comp.errors import InputError
-from friction_comp.files import file_names
+from friction_comp.files import file_names, read_json
 from friction_comp.messages import NANO
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
-from friction_comp.recorded_drive.child import Refined, RefinementProcess
-from friction_comp.recorded_drive.refine_recordings import Given
 from friction_comp.recordings.scan import Track, tracks_of
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.ros import node_parts as parts
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.node_main import yield_to_executor
 from friction_comp.ros.ros_start import steady_timer
-from friction_comp.tables.columns import Layout
+from friction_comp.terminal import PROGRESS
 
 # ns between states that are compared, and of age up to which a load, or temperature, counts.
 _STEP = 8_000_000
@@ -68,6 +70,51 @@ def live_rows(tracks: dict[str, Track], joint: str, effort_per_current: float) -
     return rows
 
 
+class RefineTool:
+    """The tool `refine` on one recording, in a process of its own.
+
+    The attributes `share` (0 to 1) and `step` are its progress.
+    """
+
+    def __init__(self, recording: Path, output: Path, *options: str) -> None:
+        self.share, self.step, self._output, self._said = 0.0, 'reading', output, ''
+        self._process: Any = subprocess.Popen(
+            [sys.executable, '-m', 'friction_comp', 'refine', str(recording), '--output',
+             str(output), *options], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE, env={**os.environ, PROGRESS: '1'},
+            # The keyboard interrupts all processes of a session; the node decides what becomes of
+            # this one, which leaves the processor to the control loop.
+            start_new_session=True)
+        os.setpriority(os.PRIO_PROCESS, self._process.pid, 10)
+        assert self._process.stderr is not None
+        os.set_blocking(self._process.stderr.fileno(), False)
+
+    def poll(self) -> bool:
+        """Update the progress, and return whether the tool is done."""
+        done = self._process.poll() is not None
+        self._said += (self._process.stderr.read() or b'').decode(errors='replace')
+        for share, step in re.findall(r'^([01]\.\d+) (.+)\n', self._said, re.MULTILINE):
+            self.share, self.step = max(self.share, float(share)), step
+        return done
+
+    def cancel(self) -> None:
+        """Stop the tool, which leaves nothing half-written behind."""
+        self._process.terminate()
+        try:
+            self._process.wait(2.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def report(self) -> dict[str, Any]:
+        """Return the report of a tool that is done; raise InputError if it failed."""
+        if self._process.returncode:
+            raise InputError(self._said.strip().rpartition('\n')[2].removeprefix('refine: ')
+                             or 'refinement ended without a result')
+        report: dict[str, Any] = read_json(self._output / 'report.json')
+        return report
+
+
 class RefinementNode(Node):
     """Serves one goal at a time; commands no motor.
 
@@ -98,7 +145,7 @@ class RefinementNode(Node):
         self._active = -math.inf
         self._set = self.create_client(
             SetParameters, f'{settings["compensator"]}/set_parameters')
-        self._job: RefinementProcess | None = None
+        self._job: RefineTool | None = None
         self._stopped = self._error = ''
         self._fits = dict.fromkeys(self._joints, True)
         self._topics = DatedTopics(self, self._keep, ('reference',)).topics
@@ -173,34 +220,34 @@ class RefinementNode(Node):
     async def _execute(self, goal_handle: Any, result: RefineModel.Result) -> str:
         request = goal_handle.request
         joint = request.joint or self._joints[0]
+        output = Path(self._settings['output_folder']).absolute() / (
+            f'{file_names([joint])[0]}_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}')
         try:
-            refined = await self._refine(joint, request, goal_handle)
+            report = await self._refine(joint, request, goal_handle, output)
         finally:
             self._job = None
-        report = refined.report
-        result.verdict, result.noise_floor = report.verdict, report.noise_floor
+        result.verdict, result.noise_floor = report['verdict'], report['noise_floor'] or math.nan
         result.error_before, result.error_after = (
-            one.held_out_rmse for one in (report.before, report.after))
-        result.effects = [effect.name for effect in report.effects]
-        result.variables = [effect.variable for effect in report.effects]
-        result.model_file, result.report = str(refined.model_file), str(refined.page)
+            report[one]['held_out_rmse'] for one in ('before', 'after'))
+        result.effects = [effect['name'] for effect in report['effects']]
+        result.variables = [effect['variable'] for effect in report['effects']]
+        result.model_file, result.report = (
+            str(output / name) for name in ('model.yaml', 'report.html'))
         return (f'{joint}: found {", ".join(result.effects) or "no effect"}; error '
                 f'{1e3 * result.error_before:.3g} mA before, {1e3 * result.error_after:.3g} mA '
                 f'after; verdict: {result.verdict}'
-                + ''.join(f'; {reason.rstrip(".")}' for reason in report.reasons)
-                + (await self._load(joint, refined, result) if request.load else ''))
+                + ''.join(f'; {reason.rstrip(".")}' for reason in report['reasons'])
+                + (await self._load(joint, result) if request.load else ''))
 
-    async def _refine(self, joint: str, request: RefineModel.Goal, goal_handle: Any) -> Refined:
-        output = Path(self._settings['output_folder']).absolute() / (
-            f'{file_names([joint])[0]}_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}')
+    async def _refine(self, joint: str, request: RefineModel.Goal, goal_handle: Any, output: Path
+                      ) -> dict[str, Any]:
         recording = Path(request.recording or output / 'recording')
-        given = Given(joint, Path(self._files[joint]), layout=Layout(
-            units={'effort': 'A'} if self._in_ampere else {}))
         if not request.recording:
             if blind := self._residuals[joint].blind:
                 raise InputError(f'{joint}: the messages kept do not show the friction: {blind}')
             await self._write(recording, request.seconds, goal_handle)
-        job = self._job = RefinementProcess(given, recording, output)
+        job = self._job = RefineTool(recording, output, '--model', self._files[joint], '--joint',
+                                     joint, *('--unit', 'effort=A') * self._in_ampere)
         while not job.poll():
             if self._ended(goal_handle):
                 job.cancel()
@@ -211,7 +258,7 @@ class RefinementNode(Node):
                 # The executor does not sleep while a coroutine is pending.
                 time.sleep(self.batch_time)
                 await yield_to_executor()
-        return job.result()
+        return job.report()
 
     def _ended(self, goal_handle: Any) -> str:
         return self._stopped or 'cancelled on request' * goal_handle.is_cancel_requested
@@ -230,13 +277,14 @@ class RefinementNode(Node):
                     if why := self._ended(goal_handle):
                         raise InputError(why)
 
-    async def _load(self, joint: str, refined: Refined, result: RefineModel.Result) -> str:
+    async def _load(self, joint: str, result: RefineModel.Result) -> str:
         """Give the compensator the refined model if that may be; return what came of it."""
         for refused, why in (
                 (result.verdict == 'record again', 'the data do not support it: record again'),
                 (not result.error_after < result.error_before,
                  'it is not better than the initial model'),
-                (refined.model.drive != self._residuals[joint].model.drive,
+                (FrictionModel.load(result.model_file, joint).drive
+                 != self._residuals[joint].model.drive,
                  "it has another drive's torque constant, gear ratio or current limit"),
                 (joint not in self._compensators,
                  f'no compensator of {joint} is running as {self._settings["compensator"]}')):

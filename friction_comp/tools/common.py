@@ -29,9 +29,9 @@ from friction_comp.files import (
     output_folder,
     write_report,
 )
-from friction_comp.recorded_drive.refine_recordings import Given
 from friction_comp.tables.columns import Column, Layout, without_time
 from friction_comp.tables.table_files import is_table, Table
+from friction_comp.tools.recorded_drive import Given
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel

@@ -56,7 +56,7 @@ def refine(argv: list[str] | None = None) -> int:
         from friction_comp.tools.refine_forms import refine_whole_arm
 
         return refine_whole_arm(arguments)
-    from friction_comp.recorded_drive.refine_recordings import refine_to_folder
+    from friction_comp.tools.recorded_drive import refine_to_folder
 
     with progress('reading') as show:
         result = refine_to_folder(given_of(arguments), arguments.recordings, arguments.output,

@@ -25,15 +25,6 @@ from friction_comp.identification.curves import fit_steady_states, SteadyStates
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import joints_of, write_arm
 from friction_comp.parallel import Failure, run_each, Runner, runner_on_cluster
-from friction_comp.recorded_drive.refine_recordings import (
-    assumed_in,
-    drive_of,
-    figures_unit,
-    notes_on,
-    refine_recordings,
-    showing_friction,
-    with_current_limit,
-)
 from friction_comp.recordings.reader import Piece, pieces_of, read_arm
 from friction_comp.refinement import Origin, thresholds
 from friction_comp.reports.other_pages import arm_page, steady_state_page, steady_state_rows
@@ -51,6 +42,15 @@ from friction_comp.tables.columns import Column, read_name
 from friction_comp.tables.table_files import Table
 from friction_comp.terminal import in_own_units, number, progress
 from friction_comp.tools.common import folder_names, given_of, layout_of, write_results
+from friction_comp.tools.recorded_drive import (
+    assumed_in,
+    drive_of,
+    figures_unit,
+    notes_on,
+    refine_recordings,
+    showing_friction,
+    with_current_limit,
+)
 
 _OTHER_OPTIONS = ('model', 'urdf', 'each', 'stiffness', 'rate')
 
