@@ -220,7 +220,7 @@ def test_a_turn_after_a_long_way_costs_the_hand_friction_alone_and_help_is_soon_
 
 
 @pytest.mark.parametrize('reported', [0.0, 3.0, math.nan, math.inf])
-def test_a_velocity_that_does_not_lead_to_the_positions_is_not_used(reported):
+def test_no_reported_velocity_can_mislead_the_law(reported):
     places = 3e-4 * np.arange(800)
     wrong, none = (drive_along(CompensationLaw([small_model()]), places, 0, velocity=velocity)
                    for velocity in (reported, None))

@@ -41,11 +41,8 @@ RESTED, TURNED, SLOWED, WENT_ON = range(4)
 slowed down; and one on which the joint then went on."""
 LONGEST_STEP = 0.1
 """s; after a longer pause, or a clock that was set, the operator is reset."""
-FILTER_TIME = 0.004
-"""s of each of the two filters that a speed from positions goes through."""
-AGREE_SHARE = 0.2
-"""Share by which the reported velocity may lead beside the positions that are seen, over
-`LONGEST_STEP`."""
+FILTER_TIME = 0.002
+"""s of each of the two filters that a speed goes through."""
 LATE, LATE_TIME = 0.04, 0.5
 """Share withheld of a way that has lasted for so long, s: a joint that is let go comes to rest."""
 STARTS = 3.0
@@ -231,7 +228,7 @@ def settle(s: State, position: float) -> None:
     """Reset to a joint at rest at this position, with the operator relaxed."""
     s.position = s.play = s.still_position = s.rest_position = s.farthest = s.begin = position
     s.half_speed = s.speed = s.z = s.element = s.still_time = s.since = s.doubt = 0.0
-    s.heading = s.top = s.saved = s.ahead = s.aim = 0.0
+    s.heading = s.top = s.saved = s.aim = 0.0
     s.mode, s.way = FREE, 0
 
 
@@ -240,11 +237,11 @@ def observe(p: Parameters, s: State, time: float, position: float, velocity: flo
             ) -> bool:
     """Process a sample and return whether a current can be computed.
 
-    A reported velocity counts for the continuous law where it leads to the positions that are
-    seen, so that a wrong one cannot mislead it; `known` says that it is measured. A position that
-    the joint cannot have reached is dropped; the law starts again where such positions last.
+    A reported velocity, if it is `known`, counts for the printed laws only: the continuous law has
+    its speed from positions, by which friction is known, and no wrong one can mislead it. A
+    position that the joint cannot have reached is dropped; the law starts again where they last.
     """
-    known = known and (math.isfinite(velocity) or p.law < CONTINUOUS)
+    known = known and p.law < CONTINUOUS
     if not (math.isfinite(time) and math.isfinite(position)
             and (math.isfinite(velocity) or not known)):
         s.dropped += 1.0
@@ -274,12 +271,7 @@ def observe(p: Parameters, s: State, time: float, position: float, velocity: flo
         s.speed += (s.half_speed - s.speed) * weight
         if p.law < CONTINUOUS:
             s.speed = travel / step
-        elif known:
-            s.ahead = (s.ahead + velocity * step - travel) * math.exp(-step / LONGEST_STEP)
-            speed = min(abs(velocity), abs(s.half_speed))
-            if abs(s.ahead) < AGREE_SHARE * LONGEST_STEP * speed + 3.0 * p.resolution:
-                s.speed = velocity
-    if p.law < CONTINUOUS and known:
+    if known:
         s.speed = velocity
     return True
 

@@ -66,7 +66,6 @@ class State:
     position: float         # rad
     speed: float            # rad/s; and after the first of two filters
     half_speed: float
-    ahead: float            # by which the reported velocity has led positions of late, rad
     doubt: float            # for how long samples have been implausible, s
     dropped: float          # how many samples were
     z: float                # of the operator, -1..1
