@@ -257,30 +257,15 @@ def conditions() -> str:
 
 def ablation() -> str:
     """Return what changes without each rule of the law, in both worlds."""
-    whole: dict[tuple[str, int], dict[str, str]] = {}
     found: dict[str, dict[str, str]] = {}
     for row in stored('ablation')['rows']:
         cells = dict(row)
-        rule, world, seed = (cells.pop(name) for name in ('rule', 'world', 'seed'))
-        # The law as it is comes first.
-        before = whole.setdefault((world, seed), cells)
+        rule, world = cells.pop('rule'), cells.pop('world')
         found.setdefault(rule, {})[world] = ', '.join(
-            f'{name} {before[name]} → {text}' for name, text in cells.items()
-            if differs(before[name], text)) or 'no change'
+            f'{name} {text}' for name, text in cells.items()) or 'no change'
     return rows(['without', 'simulated gears', 'MuJoCo'], [
-        [rule, cells.get('gear', '–'), cells.get('mujoco', '–')]
-        for rule, cells in found.items() if rule != 'as it is'])
-
-
-def differs(one: str, other: str) -> bool:
-    """Return whether figures differ by more than the last joint or point that matters.
-
-    They are a median and a worst in %, as 91 (65), or joints of all, as 3/126.
-    """
-    if '/' in one:
-        return abs(int(one.split('/')[0]) - int(other.split('/')[0])) > 1
-    both = [[float(value) for value in text.strip(')').split(' (')] for text in (one, other)]
-    return abs(both[0][0] - both[1][0]) > 1.0 or abs(both[0][1] - both[1][1]) > 4.0
+        [rule, cells.get('gear', '–'), cells.get('mujoco_gear', '–')]
+        for rule, cells in found.items()])
 
 
 def first() -> str:

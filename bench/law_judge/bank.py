@@ -32,13 +32,17 @@ PERIOD, CYCLES = 6.0, 8
 
 @dataclass
 class Bank:
-    """Gears of a world, shape (G,), their kinds' names and the documents of their models."""
+    """Gears of a world, shape (G,), their kinds' names and the documents of their models.
+
+    `part`: the share of each gear's conditions that experiments try, drawn at random.
+    """
 
     world: object
     kinds: list
     gears: np.ndarray
     documents: list
     seed: int
+    part: float = 1.0
 
     @property
     def torque(self):
@@ -48,7 +52,7 @@ class Bank:
     def chosen(self, gears, documents):
         """Return a bank of some of the gears, with other models."""
         return Bank(self.world, [self.kinds[g] for g in gears], self.gears[gears], documents,
-                    self.seed)
+                    self.seed, self.part)
 
     def seen_by(self, resolution):
         """Return a bank with other encoders, which the models know; rad at the joint, (G,)."""
@@ -57,7 +61,7 @@ class Bank:
         for gear, old in zip(gears, self.documents):
             counts = round(2.0 * math.pi / old['drive']['gear_ratio'] / gear['resolution'])
             documents.append({**old, 'drive': {**old['drive'], 'encoder_counts': max(1, counts)}})
-        return Bank(self.world, self.kinds, gears, documents, self.seed)
+        return Bank(self.world, self.kinds, gears, documents, self.seed, self.part)
 
     def telling(self, known):
         """Return a bank whose models know their presliding distance, or do not.
@@ -74,17 +78,18 @@ class Bank:
         return self.chosen(np.arange(len(self.gears)), documents)
 
 
-def make_bank(world, kinds, draws, seed, change=None):
+def make_bank(world, kinds, draws, seed, change=None, part=1.0):
     """Draw gears of several of the world's kinds and find their true models.
 
     `draws`: gears of each kind. `seed`: even: for tuning; odd: kept for judging. `change`:
-    callable, optional; what changes the gears in place, before their models are found.
+    callable, optional; what changes the gears in place, before their models are found. `part`: as
+    for `Bank`.
     """
     names = [kind for kind in kinds for _ in range(draws)]
     gears = np.concatenate([world.draw_gears(kind, draws, seed) for kind in kinds])
     if change is not None:
         change(gears)
-    return Bank(world, names, gears, true_models(world, gears, seed), seed)
+    return Bank(world, names, gears, true_models(world, gears, seed), seed, part)
 
 
 class Joints:
@@ -99,10 +104,12 @@ class Joints:
     def __init__(self, bank, **conditions):
         self.bank = bank
         combinations = list(itertools.product(*conditions.values()))
-        self.gear = np.repeat(np.arange(len(bank.gears)), len(combinations))
-        self.conditions = {
-            name: np.array([c[k] for c in combinations] * len(bank.gears))
-            for k, name in enumerate(conditions)}
+        number = max(1, round(bank.part * len(combinations)))
+        self.gear = np.repeat(np.arange(len(bank.gears)), number)
+        random = np.random.default_rng([bank.seed, 11])
+        chosen = np.sort([random.permutation(len(combinations))[:number] for _ in bank.gears])
+        self.conditions = {name: np.array([combination[k] for combination in combinations])[
+            chosen.ravel()] for k, name in enumerate(conditions)}
         self.gears = bank.gears[self.gear]
 
     def __len__(self):
