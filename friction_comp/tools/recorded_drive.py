@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is told of a recorded drive, and its refinement from recordings to a folder.
+"""What is told of a recorded drive, and its refinement from recordings.
 
 What follows from what is told are the drive, its limit and its unit.
 """
@@ -17,7 +17,6 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
-from friction_comp.files import output_folder, write_report
 from friction_comp.tables.columns import Layout, unit_of as unit_named
 
 if TYPE_CHECKING:
@@ -104,20 +103,6 @@ def figures_unit(given: Given, in_ampere: bool, linear: bool) -> str:
     unit = unit_named('effort', text)
     # A unit that is no torque, such as 0.1 %, is kept as it is.
     return text if unit is None else {'torque': 'N·m', 'force': 'N', 'current': 'A'}[unit.dimension]
-
-
-def refine_to_folder(given: Given, paths: Sequence[Path], output: Path, command: str,
-                     show: Callable[..., None]) -> RefineResult:
-    """Refine a model; write report.json, report.html with the command, and model.yaml."""
-    result = refine_recordings(given, paths, show)
-    show(0.9, 'writing')
-    from friction_comp.reports.refinement_page import refinement_page
-
-    page = refinement_page(result, list(map(str, paths)), output)
-    with output_folder(output) as folder:
-        write_report(folder, result.content(), page, command)
-        result.model.save(folder / 'model.yaml')
-    return result
 
 
 def refine_recordings(given: Given, paths: Sequence[Path],

@@ -9,7 +9,14 @@ from pathlib import Path
 from friction_comp.errors import InputError
 from friction_comp.tables.columns import parse_unit, unit_of
 from friction_comp.terminal import in_own_units, progress
-from friction_comp.tools.common import Arguments, check_tables, given_of, positive, whole_number
+from friction_comp.tools.common import (
+    Arguments,
+    check_tables,
+    given_of,
+    positive,
+    whole_number,
+    write_results,
+)
 
 
 def refine(argv: list[str] | None = None) -> int:
@@ -56,14 +63,16 @@ def refine(argv: list[str] | None = None) -> int:
         from friction_comp.tools.refine_forms import refine_whole_arm
 
         return refine_whole_arm(arguments)
-    from friction_comp.tools.recorded_drive import refine_to_folder
-
-    with progress('reading') as show:
-        result = refine_to_folder(given_of(arguments), arguments.recordings, arguments.output,
-                                  arguments.command, show)
-    from friction_comp.reports.refinement_page import terminal_lines
+    from friction_comp.tools.recorded_drive import refine_recordings
 
     names = [str(path) for path in arguments.recordings]
+    with progress('reading') as show:
+        result = refine_recordings(given_of(arguments), arguments.recordings, show)
+        show(0.9, 'writing')
+        from friction_comp.reports.refinement_page import refinement_page, terminal_lines
+
+        write_results(arguments, result.content(),
+                      refinement_page(result, names, arguments.output), result.model)
     print(*in_own_units(terminal_lines(result, names, arguments.output), result.model.is_linear),
           sep='\n')
     return 0
