@@ -545,7 +545,10 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         notes.append('the efforts are no torques in N·m of this URDF: taken as currents of unknown '
                      'torque constants (--unit A says so, --torque-constant and --gear-ratio say '
                      'more)')
-    notes += _said_of_gravity(fit, chain)
+    if (fit.tree.gravity != chain.tree.gravity).any():
+        direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
+        notes.append(f'the currents fit gravity along ({direction}) of the base far better than '
+                     'along its -z: the arm is assumed to be mounted that way')
     arm, refined = Arm(fit.tree, fit.differentiation), list(only or names)
     results: dict[str, RefineResult] = {}
     for index, name in enumerate(refined):
@@ -577,14 +580,6 @@ def _chain_of(urdf: str | Path, recorded: list[str], only: Sequence[str]
         *(f'joint {name!r} is not in the URDF: left out' for name in chain.unknown),
         *(f'joint {name!r} of the URDF is not recorded: assumed to stay at position zero'
           for name in chain.locked)]
-
-
-def _said_of_gravity(fit: ArmFit, chain: Chain) -> list[str]:
-    if (fit.tree.gravity == chain.tree.gravity).all():
-        return []
-    direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
-    return [f'the currents fit gravity along ({direction}) of the base far better than along its '
-            '-z: the arm is assumed to be mounted that way']
 
 
 def _with_links(recorded: list[Samples], arm: Arm) -> Samples:

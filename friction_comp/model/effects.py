@@ -33,11 +33,6 @@ def _speed_varied(coverage: Coverage) -> bool:
     return coverage.speed >= 1.5 * coverage.slow
 
 
-def _stribeck_speeds(coverage: Coverage) -> np.ndarray:
-    lowest = max(1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed)
-    return np.geomspace(min(lowest, 0.3 * coverage.speed), 0.7 * coverage.speed, 9)
-
-
 class Stribeck(Effect):
     """``A·tanh(v/v_t)·exp(-(|v|/v_s)^p)``, the second term of the note's Eq. 2 for p = 1."""
 
@@ -48,7 +43,9 @@ class Stribeck(Effect):
     # Near the top speed it would be curved viscous friction; near standstill it cannot be seen.
     constants = {'velocity': SearchRange(1.6, limits=lambda coverage, _: (
         0.5 * coverage.slowest, 0.7 * coverage.speed)), 'exponent': None, 'transition': None}
-    tried = {'velocity': _stribeck_speeds, 'exponent': (1.0, 2.0)}
+    tried = {'velocity': lambda coverage: np.geomspace(min(0.3 * coverage.speed, max(
+        1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed)),
+        0.7 * coverage.speed, 9), 'exponent': (1.0, 2.0)}
     shown_by = (_speed_varied,)
     summary = ('Stribeck: near standstill friction differs by {A:+.3g} A, fading at about '
                '{velocity:.3g} rad/s')
@@ -418,11 +415,7 @@ class FrictionRipple(Cogging):
     role = RESISTS
     summary = Cogging.summary.replace('Cogging', 'Friction ripple')
     equation = Cogging.equation + '·tanh(v/{transition:.5g})'
-
-    @staticmethod
-    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        cosine, sine = Cogging.columns(x, c)
-        return (x.sign * cosine, x.sign * sine)
+    columns = staticmethod(lambda x, c: tuple(x.sign * one for one in Cogging.columns(x, c)))
 
 
 class Bump(Effect):
