@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import find_peaks
 
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effect import RESISTS
@@ -34,6 +33,8 @@ from friction_comp.samples import Samples
 _FIRST_WAY, _MULTIPLE, _EARLY = 0.03, 6.0, 0.8
 # It is at least this multiple of that to the end of the change.
 _BEYOND_END, _ROUNDS = 2.0, 3
+# Turns are looked for among so many samples, evenly spread.
+_MOST_PLACES = 20_000
 # Share of the change of friction at which presliding ends, that is at 95 % of the level there, and
 # of the samples over which its peak is averaged.
 _END, _PEAK = 0.975, 1.0 / 8.0
@@ -197,8 +198,24 @@ def _reached(values: np.ndarray, level: float) -> int:
 
 
 def _turns(position: np.ndarray, least: float) -> list[tuple[int, float]]:
-    """Return the sample of each turn after and before ways of at least `least`, and where to."""
-    turns = sorted((int(edge), -side) for side in (1.0, -1.0) for edge in find_peaks(
-        side * position, prominence=least, plateau_size=1)[1]['left_edges'])
-    # The beginning is one, too.
-    return [(0, -turns[0][1]), *turns] if turns else []
+    """Return the sample of each turn after and before ways of at least `least`, and where to.
+
+    `scipy.signal.find_peaks` finds the same, but its import takes as long as a whole refinement.
+    """
+    turns: list[tuple[int, float]] = []
+    every = max(1, len(position) // _MOST_PLACES)
+    places = position[::every].tolist()
+    highest = lowest = 0
+    side = 0.0
+    for k, place in enumerate(places):
+        highest = k if place > places[highest] else highest
+        lowest = k if place < places[lowest] else lowest
+        if side >= 0.0 and place < places[highest] - least:
+            turns.append((highest, -1.0))
+            side, lowest = -1.0, k
+        elif side <= 0.0 and place > places[lowest] + least:
+            turns.append((lowest, 1.0))
+            side, highest = 1.0, k
+    # The farthest of all samples near it.
+    return [(first + int(np.argmin(side * position[first:(k + 1) * every])), side)
+            for k, side in turns for first in [max(0, (k - 1) * every + 1)]]
