@@ -11,7 +11,6 @@ Even seeds are the tuning half, odd ones the kept half: change nothing by what t
 
 from collections import Counter
 from concurrent.futures import as_completed
-import time
 
 from bench_tools import processes, table_parser
 
@@ -48,55 +47,37 @@ def line(result):
             f"{', '.join(result['effects']) or 'none'} | asked {', '.join(result['asked'])}")
 
 
-def print_table(results, title):
-    """Print one line per family and the total as a table."""
-    print(f'\n{title}')
-    header = None
-    for family in (*FAMILIES, None):
-        chosen = [r for r in results if 'failed' not in r and family in (None, r['family'])]
-        failed = sum('failed' in r and family in (None, r['family']) for r in results)
-        if not chosen:
-            if failed:
-                print(f'| {family or "total"} | {failed} failed |')
-            continue
-        row = summary(chosen)
-        if header is None:
-            header = ['family', 'cases', *row]
-            print('| ' + ' | '.join(header) + ' |\n|' + '---|' * len(header))
-        cases = f'{len(chosen)}' + (f' + {failed} failed' if failed else '')
-        print('| ' + ' | '.join([family or 'total', cases, *row.values()]) + ' |')
-
-
-def print_false_names(results):
-    """Print what was named wrongly how often, so that the commonest error is seen."""
-    counts = Counter(text for r in results for text in (*r.get('false', ()), *(
+def print_summary(results, title):
+    """Print how many are right, and what was named wrongly how often."""
+    known = [r for r in results if 'failed' not in r]
+    row = {'cases': str(len(known)), 'failed': str(len(results) - len(known)), **summary(known)}
+    print(f'\n{title} half\n| ' + ' | '.join(row) + ' |\n' + '|---' * len(row) + '|')
+    print('| ' + ' | '.join(row.values()) + ' |')
+    counts = Counter(text for r in known for text in (*r['false'], *(
         'far too large a prediction' if claim.startswith('predicts') else claim
-        for claim in r.get('claims', ()))))
+        for claim in r['claims'])))
     print('named wrongly: ' + (', '.join(f'{n} x {text}' for text, n in counts.most_common())
                                or 'nothing'))
 
 
 def main():
-    """Judge cases side by side and print the table of each half."""
+    """Judge cases side by side, each a line, and print the counts of each half."""
     parser = table_parser(__doc__, draws=1, start=0, jobs=1)
     parser.add_argument('--half', choices=('tuning', 'kept', 'both'), default='tuning')
     parser.add_argument('--families', nargs='+', default=list(FAMILIES), choices=FAMILIES,
                         metavar='NAME')
-    arguments = parser.parse_args()
-    work = [(f, s) for s in seeds_of(arguments.half, arguments.draws, arguments.start)
-            for f in arguments.families]
-    results, began = [], time.monotonic()
-    with processes(arguments.jobs) as pool:
-        waiting = [pool.submit(attempt, f, s) for f, s in work]
-        for done in as_completed(waiting):
+    options = parser.parse_args()
+    results = []
+    with processes(options.jobs) as pool:
+        for done in as_completed([
+                pool.submit(attempt, family, seed)
+                for seed in seeds_of(options.half, options.draws, options.start)
+                for family in options.families]):
             results.append(done.result())
-            print(f'[{len(results)}/{len(work)} {time.monotonic() - began:5.0f} s] '
-                  + line(results[-1]), flush=True)
+            print(line(results[-1]), flush=True)
     for half, odd in (('tuning', 0), ('kept', 1)):
-        chosen = [r for r in results if r['seed'] % 2 == odd]
-        if chosen:
-            print_table(chosen, f'{half} half')
-            print_false_names(chosen)
+        if chosen := [r for r in results if r['seed'] % 2 == odd]:
+            print_summary(chosen, half)
 
 
 if __name__ == '__main__':
