@@ -153,7 +153,7 @@ def tables(rows):
         lines.append(f'| {name} | ' + ' | '.join(cells) + ' |')
     given = defaultdict(list)
     for row in base.values():
-        for code in row['codes'] or ['none: trust']:
+        for code in (row['codes'] or ['none: trust']) if row['ratio'] else ():
             given[code].append(row['ratio'])
     return lines + ['', '| finding | cases | median, largest error over the one said |',
                     '|---|---|---|'] + [
