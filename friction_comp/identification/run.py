@@ -517,8 +517,9 @@ def doubts_of_ramps(breakaway: Breakaway, points: Sequence[KineticPoint], cycles
         (cycles == 1, 'breakaway was measured once in each direction: how much it scatters is not '
          'known. Request four breakaway_cycles or more'),
         (presliding is not None and step * PRESLIDING_RATE > 1.05,
-         f'presliding was measured at {1.0 / step:.0f} Hz: below {PRESLIDING_RATE:.0f} Hz it may '
-         'be 35 % too long, which costs help where no direction is announced')) if applies]
+         f'presliding was measured at {1.0 / step:.0f} Hz: below {PRESLIDING_RATE:.0f} Hz it is '
+         'usually a fifth too long and may be more than twice as long as it is, which costs help '
+         'where no direction is announced')) if applies]
 
 
 def doubts_of_curve(points: Sequence[KineticPoint], sigmoid: Sigmoid, misfit: float,
