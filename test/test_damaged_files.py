@@ -431,15 +431,6 @@ def test_on_a_full_disk_nothing_is_left(tmp_path, output):
     assert [path.name for path in (tmp_path / 'work').iterdir()] == ['good.csv']
 
 
-@pytest.mark.parametrize('output', ['good.csv/below', 'x' * 300, 'x' * 300 + '.csv', '/proc/x.csv'])
-def test_where_nothing_can_be_written_a_line_says_so(tmp_path, monkeypatch, capsys, output):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / 'good.csv').write_text(sheet())
-    assert run('convert', ['good.csv', '--output', output]) == 2
-    assert capsys.readouterr().err.count('\n') == 1
-    assert [path.name for path in tmp_path.iterdir()] == ['good.csv']
-
-
 def test_a_name_with_a_line_break_adds_nothing_to_an_exported_file(tmp_path):
     model = tmp_path / 'a\ninjected: 1.yaml'
     model.write_bytes(MODEL.read_bytes())

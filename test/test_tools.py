@@ -70,10 +70,12 @@ def test_a_closed_pipe_costs_only_printed_text(tmp_path):
     assert len((tmp_path / 'friction.csv').read_text().splitlines()) > 9
 
 
-@pytest.mark.parametrize('name', ['predict', 'refine', 'evaluate', 'reproduce', 'demo'])
+@pytest.mark.parametrize('name', [
+    'predict', 'refine', 'evaluate', 'convert', 'reproduce', 'demo'])
 def test_an_output_that_cannot_be_written_is_told_before_the_work(name, tmp_path):
     (tmp_path / 'file').write_text('')
-    for output in (tmp_path / 'file' / 'below', '/proc/nobody_writes_here/below'):
+    for output in (tmp_path / 'file' / 'below', '/proc/nobody_writes_here/below',
+                   tmp_path / ('x' * 300) / 'below'):
         arguments = [] if name in ('reproduce', 'demo') else [str(tmp_path / 'none.mcap')]
         if name in ('predict', 'refine'):
             arguments += ['--model', str(tmp_path / 'none.yaml')]
