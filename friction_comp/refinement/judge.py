@@ -36,7 +36,7 @@ from friction_comp.refinement.result import (
     TRUST,
     Verdict,
 )
-from friction_comp.refinement.search import Fit, Search
+from friction_comp.refinement.search import Fit, is_better
 from friction_comp.samples import Samples
 from friction_comp.statistics import quantile_edges, rms, robust_std, smallest_step
 
@@ -107,28 +107,26 @@ def noise_floor(rows: Rows, residual: np.ndarray) -> float:
 
 def ambiguities(fit: Fit) -> list[Question]:
     """Return what the recordings leave open."""
-    entries: dict[frozenset[str], Question] = {}
-
-    def add(first: str, second: str, why: str) -> None:
-        entries.setdefault(frozenset((first, second)), Question(
-            [first, second], why, experiment(first, second)))
-    for term in fit.terms[fit.initial_count:]:
-        for name in fit.rivals.get(term, ()):
-            add(term.kind.variable, EFFECTS[name].variable,
-                f"'{name}' in the place of '{term.kind.name}' predicts motion that was not fitted "
-                'as well')
+    open_ = [(term.kind.variable, EFFECTS[name].variable,
+              f"'{name}' in the place of '{term.kind.name}' predicts motion that was not fitted as "
+              'well')
+             for term in fit.terms[fit.initial_count:] for name in fit.rivals.get(term, ())]
     samples = fit.rows.at_rows
     variables = {term.kind.variable for term in fit.terms}
     if 'time' in variables and samples.temperature is None:
-        add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
-            'temperature was not recorded')
+        open_.append(('time', 'temperature', 'the drift over time may be the motor warming up, and '
+                      'its temperature was not recorded'))
     # Beside an effect of time, a sweep of frequency is enough.
     least = _SWEPT if 'time' in variables else thresholds.INSEPARABLE
     for name in ('temperature', 'velocity', 'acceleration'):
         values = getattr(samples, name)
         if variables & {'time', name} and values is not None and len(np.unique(
                 samples.recording)) == 1 and rank_correlation(samples.time, np.abs(values)) > least:
-            add(name, 'time', f'{name} rose or fell with time throughout the recording')
+            open_.append((name, 'time', f'{name} rose or fell with time throughout the recording'))
+    entries: dict[frozenset[str], Question] = {}
+    for first, second, why in open_:
+        entries.setdefault(frozenset((first, second)), Question(
+            [first, second], why, experiment(first, second)))
     return list(entries.values())
 
 
@@ -140,9 +138,7 @@ def friction_would_push(fit: Fit) -> str:
     current clearly better, and any signs no better than that, the current is turned round.
     """
     table = Table(fit.rows, 2.0 / fit.rows.coverage.transition)
-    search = Search(table)
-    terms = search.without_collinear(table.add([
-        *first_model(table), *(term for term in fit.terms if term.group)]))
+    terms = table.add([*first_model(table), *(term for term in fit.terms if term.group)])
     sums = table.sums.part(table.indices(terms))
     turned = sums.gram.copy()
     turned[:, -1, :-1] *= -1.0
@@ -151,7 +147,7 @@ def friction_would_push(fit: Fit) -> str:
     as_recorded, reversed_, free = (one.held_out_errors(every) for one in (
         sums, BlockSums(turned, sums.rows, sums.signs),
         BlockSums(sums.gram, sums.rows, np.zeros_like(sums.signs))))
-    if search.is_better(as_recorded, reversed_) and not search.is_better(reversed_, free):
+    if is_better(as_recorded, reversed_) and not is_better(reversed_, free):
         return 'turned'
     return 'pushes' if free.sum() < 0.5 * as_recorded.sum() else ''
 
@@ -165,7 +161,7 @@ def friction_shows(fit: Fit) -> bool:
                          for column in table.columns_of[term])}
     rest = [column for column in table.indices(fit.terms, derivatives=False)
             if column not in resisting]
-    return Search.is_better(
+    return is_better(
         table.sums.errors_by_size(rest), table.errors(fit.terms))
 
 
@@ -213,16 +209,14 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
             "hand, the hand's torque as the load")
     yield from _helped_person(raw, any(
         not term.group and term.kind.name == 'inertia' for term in fit.terms))
-    if expected > thresholds.USELESS_ERROR * constant:
+    left, grade = (expected, AGAIN) if expected > thresholds.USELESS_ERROR * constant else (
+        held_out, IN_PART)
+    if left > thresholds.UNEXPLAINED * constant:
         yield Finding(
-            'explains_little', f'Where it was not fitted, the model may be {expected:.2g} A off in '
-            f'motion, a constant {constant:.2g} A: the current depends on something that is not '
-            'in the recording.', AGAIN,
+            'explains_little', f'{left:.2g} A may remain unexplained in motion that was not '
+            f'fitted, of {constant:.2g} A beside a constant: the current depends on something that '
+            'is not in the recording.', grade,
             'record what loads the joint (torque sensor, other joints), or move it without load')
-    elif held_out > thresholds.UNEXPLAINED * constant:
-        yield Finding(
-            'explains_little', f'{held_out:.2g} A remain unexplained, of {constant:.2g} A beside '
-            'a constant.', IN_PART, 'record what loads the joint (torque sensor, other joints)')
     error, differs = between
     if error > thresholds.GROWTH * held_out:
         yield Finding(
@@ -290,18 +284,13 @@ def _helped_person(samples: Samples, accelerates: bool) -> Iterator[Finding]:
     command, current = samples.command[both], samples.current[both]
     if len(command) < 2 or not np.ptp(command) > 0.0 or not np.ptp(current) > 0.0:
         return
-    if np.corrcoef(command, current)[0, 1] <= _AS_COMMANDED:
-        return
-    if samples.direction is not None and np.any(samples.direction):
+    announced = samples.direction is not None and np.any(samples.direction)
+    if np.corrcoef(command, current)[0, 1] > _AS_COMMANDED and (announced or not accelerates):
         yield Finding(
-            'not_friction', 'A compensator helped a person, whose torque was not recorded: the '
-            'current is what the motor gave, which is a part of friction.', AGAIN,
-            "the person's torque (interaction_wrench), or a motion by the motor alone")
-    elif not accelerates:
-        yield Finding(
-            'not_friction', 'The motor gave just what was commanded, and nothing that accelerates '
-            'the joint: where a compensator commanded it and a person moved the joint, which this '
-            'recording does not tell, the current is only a part of friction.', IN_PART,
+            'not_friction', 'The motor gave just what was commanded: a compensator '
+            f'{"helped" if announced else "may have helped"} a person, whose torque was not '
+            'recorded, and the current is only a part of friction.',
+            AGAIN if announced else IN_PART,
             "the person's torque (interaction_wrench), /diagnostics, or a faster motion without "
             'the compensator')
 
@@ -507,9 +496,10 @@ def in_unit(text: str, unit: str) -> str:
     return text if unit == 'A' else re.sub(r'(?<=\d) A\b', f' {unit}', text)
 
 
-# Errors beyond so many standard deviations are clipped; a share of so many standard errors is no
-# chance.
-_OUTLYING, _CERTAIN = 8.0, 3.0
+# Errors beyond so many standard deviations are clipped.
+_OUTLYING = 8.0
+# Random signs of blocks, and the share of them with which chance may explain as much.
+_FLIPS, _FEW_FLIPS, _CHANCE = 1500, 50, 0.001
 # Ranges of each variable, and of each of two.
 _RANGES, _OF_PAIR = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
                      'load': 12, 'temperature': 10}, 8
@@ -551,16 +541,23 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
 def gain_by(values: np.ndarray, cells: np.ndarray, block: np.ndarray) -> float:
     """Return by how much the means of cells lower the sum of squares; 0 if it may be chance.
 
-    `cells` and `block`, shape (N,), are the indices of each value's cell and block. Each block is
-    predicted by the means of all others.
+    `cells` and `block`, shape (N,), are the indices of each value's cell and block. Blocks are
+    longer than the correlation, so that without a dependence their signs are independent: what each
+    shares with others counts, if it is more than with (nearly) any random signs.
     """
     count, parts = int(cells.max()) + 1, int(block.max()) + 1
-    total, number = (np.bincount(block * count + cells, weight, count * parts).reshape(parts, count)
-                     for weight in (values, None))
-    means = (total.sum(axis=0) - total) / np.maximum(number.sum(axis=0) - number, 1)
-    gains = np.sum(means * (2.0 * total - number * means), axis=1)
-    gain = float(gains.sum())
-    return gain if gain > _CERTAIN * math.sqrt(parts) * float(np.std(gains)) else 0.0
+    total = np.bincount(block * count + cells, values, count * parts).reshape(parts, count)
+    shared = total / np.maximum(np.bincount(cells, minlength=count), 1) @ total.T
+    by_chance, power = float(np.trace(shared)), float(values @ values)
+    np.fill_diagonal(shared, 0.0)
+    gain = float(shared.sum())
+    # What is due to chance shows in a few flips.
+    for flips in (_FEW_FLIPS, _FLIPS):
+        signs = np.random.default_rng(0).integers(0, 2, (flips, parts)) * 2.0 - 1.0
+        if np.sum(np.sum((signs @ shared) * signs, axis=1) >= gain) > _CHANCE * _FLIPS:
+            return 0.0
+    # A strong dependence is in the flipped sums, too.
+    return gain / max(1.0 - by_chance / power, 0.001)
 
 
 Cells = dict[tuple[str, ...], np.ndarray]

@@ -48,12 +48,11 @@ TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
 _FAST, _SMOOTH_ROWS = 0.1, 12000
 
 
-def plain_columns(samples: Samples, transitions: Sequence[float] = (),
-                  motion: tuple[np.ndarray, ...] | None = None, index: int = 0) -> np.ndarray:
+def plain_columns(samples: Samples, transitions: Sequence[float] = ()) -> np.ndarray:
     """Return the columns of a plain drive: friction, inertia, weight and load.
 
     Friction changes its sign over `transitions`, rad/s, by default `TRANSITIONS` of the usual top
-    speed. For an arm, `motion` is that of all joints, as of `moving_states`, and `index` the joint.
+    speed.
     """
     v, q = np.asarray(samples.velocity), samples.position
     transitions = transitions or np.percentile(np.abs(v), 95) * np.array(TRANSITIONS)
@@ -64,14 +63,6 @@ def plain_columns(samples: Samples, transitions: Sequence[float] = (),
     for load in (samples.load, samples.rigid_body):
         if load is not None:
             columns += [load, np.abs(load) * np.tanh(v / transitions[-1])]
-    if motion is not None:
-        angles, _, accelerations = motion
-        for first in range(index + 1):
-            for last in range(index, angles.shape[1]):
-                if first < last:
-                    total = angles[:, first:last + 1].sum(axis=1)
-                    columns += [np.cos(total), np.sin(total)]
-        columns += [acceleration for k, acceleration in enumerate(accelerations.T) if k != index]
     return np.column_stack(columns)
 
 
@@ -363,22 +354,18 @@ class Problem:
         """The settings with which a plain drive predicts other regimes best."""
         start = self.smooth_rows(self.unusable)
         block, target = regimes_in(self.smoothed, start), self.target[start]
-        joints = self.joints if self.raw.rigid_body is None else ()
         carried = {'load': None} if self.load_coefficient else {}
 
-        def error(moved: Samples, settings: dict[str, Any]) -> float:
+        def error(moved: Samples) -> float:
             part = moved.take(start).with_(**carried)
             if not np.percentile(np.abs(np.asarray(part.velocity)), 95) > 0.0:
                 # Without a filter, a coarse encoder stands still in nearly all samples.
                 return math.inf
-            motion = arm_motion(self.raw, joints, settings)
-            columns = plain_columns(part, (), motion and tuple(signal[start] for signal in motion),
-                                    joints.index(self.raw.joint) if joints else 0)
-            return held_out_error(columns, target, block)
+            return held_out_error(plain_columns(part), target, block)
         # The load first, since noise in motion may make up for its noise.
         signals = choose_signals(self.raw, () if carried else ('load',), lambda **changed: error(
-            self.smoothed.with_(**changed), self.smooth))
-        errors = [(error(self.moved(choice), choice), choice) for choice in (
+            self.smoothed.with_(**changed)))
+        errors = [(error(self.moved(choice)), choice) for choice in (
             {**choice, **signals} for choice in self.choices)]
         least = min(one for one, _ in errors)
         # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of

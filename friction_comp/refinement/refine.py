@@ -191,10 +191,6 @@ def _change_of_friction(initial: FrictionModel, model: FrictionModel, speeds: Se
     return sorted(changes)[1]
 
 
-# A load coefficient that deviates from -1/(k_t·n) by more is another one.
-_SAME_LOAD = 0.02
-
-
 def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, refined: Predicted,
               origin: Origin) -> RefinementReport:
     """Return the report on a model.
@@ -210,14 +206,14 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
         rows.at_rows.take(order), rows.averaged(refined.held_out)[order], rows.coverage.slowest)
     between = judge.other_recordings(fit)
     friction = friction_of(replace(model, notes={**model.notes, 'unit': unit}))
-    effects = [] if kept else effects_of(problem, fit, bounds, friction, unit)
+    effects = [] if kept else effects_of(fit, bounds, friction, unit)
     questions = [] if kept else judge.ambiguities(fit)
     base = 'the given model' if given else 'sigmoid of Eq. 6 fitted to the recording'
     if rows.load_coefficient and not given:
         base += ', the measured load taken as it is'
     name = ' + '.join(['the given model' if given else 'sigmoid of Eq. 6',
                        *(effect.name for effect in effects)])
-    sizes = fit.rmse_by_size()
+    sizes = fit.rmse(fit.terms)
     errors = judge.errors_of(rows, refined, name, max(
         between[0], judge.error_by_steps(raw, refined, rows.usable),
         0.0 if kept else float(sizes.max())))
@@ -263,7 +259,7 @@ def _notes(problem: Problem, refined: Predicted) -> list[Finding]:
     return notes
 
 
-def effects_of(problem: Problem, fit: Fit, bounds: Intervals, friction: FrictionNumbers, unit: str
+def effects_of(fit: Fit, bounds: Intervals, friction: FrictionNumbers, unit: str
                ) -> list[FoundEffect]:
     """Return the effects, those first that lower the error most.
 
@@ -275,7 +271,7 @@ def effects_of(problem: Problem, fit: Fit, bounds: Intervals, friction: Friction
     # A shorter lag is due to sampling; a negative one, due to a filter of a sensor.
     if fit.lag >= fit.rows.samples.sample_time:
         entries.append(FoundEffect(
-            name='actuation_lag', variable='history', held_out_rmse=fit.rmse_with(chosen),
+            name='actuation_lag', variable='history', held_out_rmse=float(fit.rmse(chosen)[-1]),
             chosen=1.0, parameters={'lag': fit.lag}, intervals={}, holds_on_another_day=None,
             in_words=f'Lag: the torque is {1e3 * fit.lag:.3g} ms later than the current',
             formula=f'i(t + {fit.lag:.4g} s)'))
@@ -284,29 +280,16 @@ def effects_of(problem: Problem, fit: Fit, bounds: Intervals, friction: Friction
         candidates = [[term] for term in remaining if term not in groups]
         if groups:
             candidates.append(groups)
-        error, index = min((fit.rmse_with([*chosen, *terms]), index)
+        error, index = min((float(fit.rmse([*chosen, *terms])[-1]), index)
                            for index, terms in enumerate(candidates))
         terms = candidates[index]
         chosen += terms
         remaining = [term for term in remaining if term not in terms]
-        if terms is groups or not is_known_load(problem, fit, terms[0]):
-            entry = _found_effect(fit, bounds, terms, error, unit)
-            if ends := friction.intervals.get(entry.name):
-                entry = replace(entry, intervals={'coefficients': [list(ends)]})
-            entries.append(entry)
+        entry = _found_effect(fit, bounds, terms, error, unit)
+        if ends := friction.intervals.get(entry.name):
+            entry = replace(entry, intervals={'coefficients': [list(ends)]})
+        entries.append(entry)
     return entries
-
-
-def is_known_load(problem: Problem, fit: Fit, term: Term) -> bool:
-    """Return whether a term is the load with the coefficient -1/(k_t·n), beside a given model.
-
-    `FrictionModel.measured` includes that load for every model: this one does not lack it.
-    """
-    if not term.kind.is_load or problem.model is None:
-        return False
-    column, = fit.table.columns_of[term]
-    coefficient = fit.table.coefficients(fit.terms)[column]
-    return abs(coefficient * problem.drive.torque_per_current + 1.0) < _SAME_LOAD
 
 
 def _found_effect(fit: Fit, bounds: Intervals, terms: Sequence[Term], error: float, unit: str

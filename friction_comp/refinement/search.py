@@ -23,7 +23,7 @@ from friction_comp.model.differentiation import MEASURED, shifted_in_time
 from friction_comp.model.effect import Coverage
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.block_sums import held_out_error
+from friction_comp.refinement.block_sums import BlockSums, held_out_error
 from friction_comp.refinement.effect_columns import (
     eq6_columns,
     EQ6_LINEAR,
@@ -40,19 +40,6 @@ _STEP = 1e-3
 _RIDGE = 1e-6
 # Of the squared error: a step that brings less is the last.
 _LEAST_GAIN = 1e-3
-
-
-def gain_of(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
-    """Return the share of a squared error that is gained, and the gain in standard errors.
-
-    Both are the errors of regimes, (K,). In the second, each counts relative to its own error, so
-    that one with large errors cannot decide.
-    """
-    gain, count = before - after, len(before)
-    ratio = gain / np.maximum(before + after, 1e-300)
-    mean = float(ratio.sum()) / count
-    scatter = math.sqrt(float(np.sum((ratio - mean) ** 2)) / (count - 1) / count)
-    return float(gain.sum() / max(before.sum(), 1e-300)), mean / max(scatter, 1e-12)
 
 
 def error_reductions(sums: np.ndarray, chosen: list[int], candidates: Sequence[Sequence[int]],
@@ -78,19 +65,22 @@ def error_reductions(sums: np.ndarray, chosen: list[int], candidates: Sequence[S
     return reductions * norm[-1] ** 2
 
 
-def own_shares(table: Table, terms: Sequence[Term]) -> list[float]:
-    """Return of each term the share that is independent of Eq. 6 and the other terms.
+def is_better(before: np.ndarray, after: np.ndarray, least: float = thresholds.LEAST_SHARE
+              ) -> bool:
+    """Return whether an error becomes clearly lower: by a share, and beyond its scatter.
 
-    It is the root mean square over the combinations of its columns, so that it does not matter
-    from where a position is measured.
+    Both are those of each regime, (K,) or the last row of (L, K); where more is left out, the error
+    must not grow: what is wrong in other motion fits a regime between others well. What halves the
+    squared error may do so in fewer regimes: friction near standstill is in some alone.
     """
-    scaled = table.sums.part(table.indices(terms, derivatives=False)).scaled(1e-12)
-    inverse, shares, first = np.linalg.inv(scaled), [], EQ6_LINEAR
-    for term in terms:
-        part = slice(first, first := first + len(table.columns_of[term]))
-        own = np.linalg.inv(inverse[part, part] @ scaled[part, part])
-        shares.append(math.sqrt(abs(float(np.trace(own))) / len(own)))
-    return shares
+    one, other = np.atleast_2d(before)[-1], np.atleast_2d(after)[-1]
+    share = float((one - other).sum() / max(one.sum(), 1e-300))
+    # Each regime counts relative to its own error, so that one with large errors cannot decide.
+    ratio, count = (one - other) / np.maximum(one + other, 1e-300), len(one)
+    scatter = math.sqrt(float(np.sum((ratio - ratio.mean()) ** 2)) / (count - 1) / count)
+    errors = float(ratio.mean()) / max(scatter, 1e-12)
+    return bool(share > least and after.sum() < before.sum() and errors > (
+        thresholds.STANDARD_ERRORS * (0.5 if share > 0.5 else 1.0)))
 
 
 class Search:
@@ -103,9 +93,6 @@ class Search:
         self.table, self.fixed = table, list(fixed)
         self.candidates: list[Term] = []
         self._single = {term.kind for term in fixed if term.kind.max_count == 1}
-        # Effects of time and history are offered last, so that they do not replace a recorded
-        # cause, or a lag.
-        self.late = False
         # By transition and terms, which the same steps compare again and again.
         self._errors: dict[tuple[tuple[float, float], frozenset[Term]], np.ndarray] = {}
 
@@ -116,39 +103,10 @@ class Search:
             self._errors[key] = self.table.errors(terms)
         return self._errors[key]
 
-    @staticmethod
-    def is_better(before: np.ndarray, after: np.ndarray) -> bool:
-        """Return whether an error becomes clearly lower: by a share, and beyond its scatter.
-
-        Both are those of each regime, the last row of (L, K); where more is left out, the error
-        must not grow: what is wrong in other motion fits a regime between others well. What halves
-        the squared error may do so in fewer regimes: friction near standstill is in some alone.
-        """
-        share, errors = gain_of(np.atleast_2d(before)[-1], np.atleast_2d(after)[-1])
-        least = thresholds.STANDARD_ERRORS * (0.5 if share > 0.5 else 1.0)
-        return bool(share > thresholds.LEAST_SHARE and errors > least
-                    and after.sum() < before.sum())
-
-    def without_collinear(self, terms: Sequence[Term]) -> list[Term]:
-        """Return the terms without collinear ones; of these, the last is removed first.
-
-        Over a short range a spring looks like a weight, and at one speed curvature like an offset:
-        such terms get large coefficients that cancel, and are wrong in all other motion.
-        """
-        terms = list(terms)
-        while True:
-            shares = own_shares(self.table, terms)
-            collinear = [term for term, share in zip(terms, shares)
-                         if term not in self.fixed and share < thresholds.OWN_SHARE]
-            if not collinear:
-                return terms
-            terms.remove(collinear[-1])
-
     def update_candidates(self, terms: Sequence[Term]) -> None:
         """Replace the candidates by the terms proposed for the residual of a fit."""
         table = self.table
-        proposed = [term for term in proposals(table, terms) if term.kind not in self._single
-                    and (self.late or term.kind.variable not in ('time', 'history'))]
+        proposed = [term for term in proposals(table, terms) if term.kind not in self._single]
         table.keep({*self.fixed, *terms, *proposed, *first_model(table)})
         self.candidates = table.add(proposed)
 
@@ -182,17 +140,36 @@ class Search:
             self.update_candidates(terms)
             before, transition = self.errors(terms), self.table.transition
             trials = [(self.errors([*terms, term]), term) for term in self.shortlist(terms)]
-            trials.sort(key=lambda trial: float(trial[0][-1].sum()))
-            best = next((term for after, term in trials if self.is_better(before, after)
-                         and term in self.without_collinear([*terms, term])), None)
-            if best is None:
+            # Time last, so that it does not replace a recorded cause.
+            trials.sort(key=lambda trial: (
+                trial[1].kind.variable == 'time', float(trial[0][-1].sum())))
+            for after, term in trials:
+                if is_better(before, after) and self.holds_over_time(term, terms):
+                    grown = self.backward(self.adjusted([*terms, term]))
+                    if self.errors(grown).sum() < before.sum():
+                        terms = grown
+                        break
+                    self.table.set_transition(*transition)
+                    self.table.add(terms)
+            else:
                 return terms
-            grown = self.backward(self.adjusted([*terms, best]))
-            if not self.errors(grown).sum() < before.sum():
-                self.table.set_transition(*transition)
-                self.table.add(terms)
-                return terms
-            terms = grown
+
+    def holds_over_time(self, term: Term, rest: Sequence[Term]) -> bool:
+        """Return whether an effect of time lowers the error in parts of time, too, beside others.
+
+        What depends on time differs in time, not in motion; and another recording is predicted
+        without it.
+        """
+        if term.kind.variable != 'time':
+            return True
+        table, start = self.table, self.table.rows.start
+        part = np.argsort(np.argsort(start)) * int(thresholds.REGIMES) // len(start)
+        columns, own = table.indices([*rest, term]), len(table.columns_of[term])
+        sums = BlockSums.over(np.vstack((table.columns[columns], table.target)), part,
+                              table.sums.signs[columns])
+        before, after = (sums.held_out_errors(range(count))
+                         for count in (len(columns) - own, len(columns)))
+        return is_better(before, after)
 
     def backward(self, terms: Sequence[Term]) -> list[Term]:
         """Remove terms that are not needed, the least useful first."""
@@ -204,7 +181,7 @@ class Search:
                 if term in self.fixed:
                     continue
                 without = self.errors(rest)
-                if not self.is_better(without, full):
+                if not is_better(without, full):
                     trials.append((float(without[-1].sum()), term))
             if not trials:
                 return terms
@@ -212,16 +189,13 @@ class Search:
 
     def run(self, start: Sequence[Term]) -> list[Term]:
         """Search from some terms; return the terms at its end."""
-        # A weight may be no improvement until the larger ripple beside it is known, so terms are
-        # removed only after others were added.
-        terms = self.without_collinear(list(dict.fromkeys([*self.fixed, *start])))
+        terms = list(dict.fromkeys([*self.fixed, *start]))
         self.table.fit_transition(terms)
-        return self.backward(self.adjusted(self.forward(terms)))
-
-    def run_late(self, terms: Sequence[Term]) -> list[Term]:
-        """Search on with effects of time and history; return the terms at the end."""
-        self.late = True
-        return self.backward(self.adjusted(self.forward(terms)))
+        # A weight may be no improvement until the larger ripple beside it is known, so terms are
+        # removed only after others were added; and what they hid is found then.
+        for _ in range(2):
+            terms = self.backward(self.adjusted(self.forward(terms)))
+        return terms
 
 
 def step_size(term: Term, name: str, coverage: Coverage) -> float:
@@ -354,16 +328,12 @@ class Fit:
         """By how much the torque follows the recorded current, s."""
         return float(self.settings.get('lag') or 0.0)
 
-    def rmse_with(self, terms: Sequence[Term]) -> float:
-        """Return the held-out RMS error of some of the terms, at the present transition, A."""
-        errors = self.table.sums.held_out_errors(self.table.indices(terms, derivatives=False))
-        return math.sqrt(float(errors.sum()) / float(self.table.sums.rows.sum()))
+    def rmse(self, terms: Sequence[Term]) -> np.ndarray:
+        """Return the RMS errors of some terms where a half of the motion is not fitted, ..., A.
 
-    def rmse_by_size(self) -> np.ndarray:
-        """Return the RMS errors where a half of the motion is not fitted, a quarter, ..., A."""
-        table = self.table
-        errors = table.sums.errors_by_size(table.indices(self.terms, derivatives=False))
-        return np.sqrt(errors.sum(axis=1) / float(table.sums.rows.sum()))
+        A quarter and so on, to each regime by itself.
+        """
+        return np.sqrt(self.table.errors(terms).sum(axis=1) / float(self.table.sums.rows.sum()))
 
     def columns(self) -> np.ndarray:
         """Return the columns of Eq. 6 and of the terms on all samples, shape (N, S)."""
@@ -432,10 +402,8 @@ def find_best_fit(problem: Problem) -> Fit:
                 1.0 + thresholds.LAG_SHARE) * _mean_error(lagged):
             break
         lagged = again
-    late = lagged is not best and _with_late_terms(lagged)
-    best = _with_late_terms(best)
-    if late:
-        best = _better(best, late, thresholds.LAG_SHARE)
+    if _mean_error(lagged) < (1.0 - thresholds.LAG_SHARE) * _mean_error(best):
+        best = lagged
     return refit(best, best.terms)
 
 
@@ -447,26 +415,14 @@ def _at_best_motion(problem: Problem, fit: Fit) -> Fit:
     settings = _with_best_motion(problem, fit)
     if settings == fit.settings:
         return fit
-    return _better(fit, search_with(problem, settings, fit.terms[fit.initial_count:]),
-                   thresholds.EQUIVALENT)
+    again = search_with(problem, settings, fit.terms[fit.initial_count:])
+    before, after = (one.table.errors(one.terms) / one.table.sums.rows for one in (fit, again))
+    return again if is_better(before, after, thresholds.EQUIVALENT) else fit
 
 
 def _mean_error(fit: Fit) -> float:
     """Return the squared error in regimes that were not fitted."""
     return float(fit.table.errors(fit.terms).sum()) / len(fit.table.target)
-
-
-def _better(first: Fit, second: Fit, least: float) -> Fit:
-    """Return the second fit if it has clearly less error, by a share; else the first."""
-    share, errors = gain_of(*(fit.table.errors(fit.terms).mean(axis=0) / fit.table.sums.rows
-                              for fit in (first, second)))
-    return second if share > least and errors > thresholds.STANDARD_ERRORS else first
-
-
-def _with_late_terms(fit: Fit) -> Fit:
-    """Return a fit with effects of time and history, where these are needed."""
-    search = Search(fit.table, fit.terms[:fit.initial_count])
-    return replace(fit, terms=search.run_late(fit.terms))
 
 
 def _columns(fit: Fit, rows: Rows) -> np.ndarray:
@@ -596,7 +552,7 @@ def rivals_of(fit: Fit) -> dict[Term, list[str]]:
                     table.errors([*rest, other]).sum() < 0.5 * (own + without).sum()):
                 continue
             instead = adjust_constants(table, [*rest, other], 3)
-            if not search.is_better(table.errors(instead), own):
+            if not is_better(table.errors(instead), own):
                 named.append(other.kind.name)
         table.set_transition(*transition)
         table.add(fit.terms)

@@ -51,8 +51,6 @@ LEAST_SHARE = Threshold(
     0.02, 'of the squared error', 'smallest gain of an effect; less may only correct another one')
 STANDARD_ERRORS = Threshold(
     2.0, 'standard errors', 'smallest gain over regimes that were not fitted')
-OWN_SHARE = Threshold(
-    0.01, 'of its size', 'that no other term repeats: with less, coefficients cancel')
 SHORTLIST = Threshold(
     6, 'effects', 'compared by regimes that were not fitted: those that explain most')
 # Reversals.
