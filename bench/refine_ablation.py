@@ -26,8 +26,7 @@ import numpy as np
 # table of findings.
 OFF = {'FEWEST_SAMPLES': 0.0, 'REST': 0.0, 'PRESLIDING_SPEED': 0.0, 'ROWS': 1e9, 'REGIMES': 4.0,
        'NEAR_LIMIT': 0.0, 'EQUIVALENT': 0.0, 'ENCODER_STEPS': 1e9, 'LAG_SHARE': 1.0,
-       'LONGEST_LAG': 0.01, 'LEAST_SHARE': 0.0, 'STANDARD_ERRORS': 0.0, 'OWN_SHARE': 0.0,
-       'SHORTLIST': 1.0}
+       'LONGEST_LAG': 0.01, 'LEAST_SHARE': 0.0, 'STANDARD_ERRORS': 0.0, 'SHORTLIST': 1.0}
 
 
 def parts_of_time(samples, start, length=1, others=()):
@@ -35,12 +34,12 @@ def parts_of_time(samples, start, length=1, others=()):
     return np.argsort(np.argsort(start)) * 16 // len(start)
 
 
-def better_in_parts(before, after):
+def better_in_parts(before, after, least=0.02):
     """Judge as the sketch does: a gain of a share, beyond its scatter, in most parts."""
     before, after = np.atleast_2d(before)[-1], np.atleast_2d(after)[-1]
     gain = before - after
     return bool(gain.mean() > 2.0 * gain.std(ddof=1) / np.sqrt(len(gain))
-                and gain.sum() > 0.02 * before.sum() and np.mean(gain > 0.0) >= 0.7)
+                and gain.sum() > least * before.sum() and np.mean(gain > 0.0) >= 0.7)
 
 
 def filter_by_time(problem):
@@ -64,10 +63,9 @@ def filter_by_time(problem):
 PARTS = {
     'a lag': {'search._with_best_lag': lambda fit: fit.settings},
     'filters chosen again': {'search._at_best_motion': lambda problem, fit: fit},
-    'effects of time and history': {'search._with_late_terms': lambda fit: fit},
+    'that effects of time hold': {'search.Search.holds_over_time': lambda *_: True},
     'transition by all samples': {'search._fit_transition_to_all_samples': lambda *_: None},
     'constants adjusted': {'search.adjust_constants': lambda table, terms, rounds: list(terms)},
-    'collinear terms go': {'search.Search.without_collinear': lambda search, terms: list(terms)},
     'signs': {'effect_columns._EQ6_SIGNS': (0,) * 5,
               'effect_columns.signs_of': lambda term, count: [0] * count},
     'filters of signals': {'search.choose_signals': lambda *_: {},
@@ -76,7 +74,7 @@ PARTS = {
                               'search._at_best_motion': lambda problem, fit: fit},
     'as the sketch: start': {'search.first_model': lambda table: []},
     'as the sketch: criterion': {'prepare.regimes_in': parts_of_time,
-                                 'search.Search.is_better': staticmethod(better_in_parts)},
+                                 'search.is_better': better_in_parts},
 }
 
 
