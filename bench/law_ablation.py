@@ -61,7 +61,9 @@ RULES = {
     'trust beyond the identified speeds': (
         'HURRIED = math.radians(60.0), 0.7', 'HURRIED = math.radians(60.0), 1.0'),
     'breakaway friction near rest': ('STARTS = 3.0', 'STARTS = 1e-6'),
-    'no sliding friction within presliding': ('else min(1.0, max(0.0, 2.0 - left))', 'else 0.0'),
+    'no sliding friction within presliding': (
+        'within = min(1.0, max(0.0, 2.0 - left)) if s.mode == FREE else 0.0', 'within = 0.0'),
+    'but for a joint that yields to its preload': (' if s.mode == FREE else 0.0', ''),
     'a long way is helped less': ('LATE, LATE_TIME = 0.04', 'LATE, LATE_TIME = 0.0'),
     'speed is filtered': ('FILTER_TIME = 0.002', 'FILTER_TIME = 1e-6'),
     'slope limit': ('TURN_TIME = 0.02', 'TURN_TIME = 1e-9'),
@@ -92,6 +94,8 @@ def main():
     parser.add_argument('--rules', nargs='+', default=list(RULES), choices=RULES, metavar='NAME')
     parser.add_argument('--output', type=Path, help='JSON file to write')
     options = parser.parse_args()
+    for rule in options.rules:
+        law_texts(*RULES[rule])
     for name, (draws, part) in WORLDS.items():
         world = importlib.import_module(f'world.{name}')
         BANKS[name] = make_bank(world, world.KINDS, draws, options.seed, part=part)
@@ -131,18 +135,23 @@ def without(rule):
     return {world: as_it_is(world) for world in WORLDS}
 
 
-def law_without(old, new):
-    """Return the law's class, whose modules have another text in one place."""
-    package = importlib.import_module('friction_comp.compensation')
+def law_texts(old, new):
+    """Return the texts of the law's modules, with another text in one place."""
     texts = {name: (ROOT / 'friction_comp' / 'compensation' / f'{name}.py').read_text(
         encoding='utf-8') for name in FILES}
     if sum(text.count(old) for text in texts.values()) != 1:
         raise LookupError(f'{old!r} is not in the law any more, or not once')
-    for name, text in texts.items():
+    return {name: text.replace(old, new) for name, text in texts.items()}
+
+
+def law_without(old, new):
+    """Return the law's class, whose modules have another text in one place."""
+    package = importlib.import_module('friction_comp.compensation')
+    for name, text in law_texts(old, new).items():
         module = types.ModuleType(f'{package.__name__}.{name}')
         sys.modules[module.__name__] = module
         setattr(package, name, module)
-        exec(text.replace(old, new).replace('cache=True', ''), module.__dict__)
+        exec(text.replace('cache=True', ''), module.__dict__)
     return package.law.CompensationLaw
 
 
