@@ -181,9 +181,10 @@ def main():
                     rows.append({'without': name, 'case': work[done], **dict(zip(
                         ('error', 'names', 'ratio', 'codes'), done.result()))})
         options.rows.write_text(json.dumps(rows, indent=1))
-    title, text = __doc__.splitlines()[0], '\n'.join(tables(rows))
+    title, _, meaning = __doc__.strip().split('\n\n')
+    text = '\n'.join([f'# {title}', '', meaning, '', *tables(rows)])
+    (ROOT / 'bench' / 'ablation.md').write_text(f'{text}\n')
     print(text)
-    (ROOT / 'bench' / 'ablation.md').write_text(f'# {title}\n\n{text}\n')
 
 
 if __name__ == '__main__':
