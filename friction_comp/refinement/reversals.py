@@ -18,7 +18,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effect import RESISTS
@@ -171,7 +170,9 @@ def _reversals(raw: Samples, friction: np.ndarray, window: float) -> Iterator[_R
             change = side * current[turn:turn + stop]
             if len(level) < 3 or stop < thresholds.REVERSAL_SAMPLES:
                 continue
-            smooth = uniform_filter1d(change, max(3, round(_PEAK * stop)), mode='nearest')
+            mean = np.full(max(3, round(_PEAK * stop)), 1.0)
+            smooth = np.convolve(np.pad(change, len(mean) // 2, mode='edge'), mean / len(mean),
+                                 mode='valid')[:len(change)]
             peak = int(np.argmax(smooth))
             height = float(smooth[peak] - np.median(level))
             if height <= 0.0:

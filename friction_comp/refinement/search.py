@@ -17,7 +17,6 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from friction_comp.model.differentiation import MEASURED, shifted_in_time
 from friction_comp.model.effect import Coverage
@@ -300,9 +299,8 @@ def _with_current_loads(table: Table, terms: list[Term]) -> list[Term]:
 
 # Most times that filters, or a lag, are chosen with the terms found before.
 _LAG_ROUNDS = 5
-# Number of lags that are tried on each side, from half a sample to the longest, and how exact the
-# best of them is made, in samples.
-_LAGS, _LAG_STEP = 9, 0.02
+# Number of lags that are tried on each side, from half a sample to the longest, and between them.
+_LAGS, _PARABOLAS = 9, 3
 # Transitions that are tried on all samples, and the most samples for that.
 _STEEPNESSES, _MOST_SAMPLES = 12, 20_000
 
@@ -448,19 +446,24 @@ def _with_best_lag(fit: Fit) -> dict[str, Any]:
     if not rows.load_coefficient and set(plain) != set(fit.terms):
         tries.append(replace(fit, terms=plain))
     sizes = np.geomspace(0.5, max(thresholds.LONGEST_LAG / step, 1.0), _LAGS) * step
-    grid = np.array([*-sizes[::-1], 0.0, *sizes])
+    grid = [*(-sizes).tolist(), 0.0, *sizes.tolist()]
     for tried in tries:
         columns = _columns(tried, rows)
 
         def error(lag: float, tried: Fit = tried, columns: np.ndarray = columns) -> float:
             return _error(tried, shifted_in_time(columns, rows.samples, lag) if lag else columns)
-        errors = [error(float(lag)) for lag in grid]
-        place = int(np.clip(np.argmin(errors), 1, len(grid) - 2))
-        lag = float(minimize_scalar(
-            error, bounds=grid[[place - 1, place + 1]], method='bounded',
-            options={'xatol': _LAG_STEP * step}).x)
+        errors = {lag: error(lag) for lag in grid}
+        # The lowest point of a parabola through the best lag and its neighbours, again and again.
+        for _ in range(_PARABOLAS):
+            lags = sorted(errors)
+            place = min(range(1, len(lags) - 1), key=lambda k: errors[lags[k]])
+            near = np.array(lags[place - 1:place + 2])
+            bend, slope, _ = np.polyfit(near - near[1], [errors[lag] for lag in near], 2)
+            lag = float(np.clip(near[1] - 0.5 * slope / max(bend, 1e-300), near[0], near[2]))
+            errors[lag] = error(lag)
+        lag = min(errors, key=lambda one: errors[one])
         least = thresholds.EQUIVALENT if fit.lag else 0.5 * thresholds.LAG_SHARE
-        if error(lag) < (1.0 - least) * errors[len(sizes)]:
+        if errors[lag] < (1.0 - least) * errors[0.0]:
             return {**fit.settings, 'lag': fit.lag + lag}
     return fit.settings
 
