@@ -31,7 +31,7 @@ from friction_comp.samples import Samples
 # farther half.
 _FIRST_WAY, _MULTIPLE, _EARLY = 0.03, 6.0, 0.8
 # It is at least this multiple of that to the end of the change.
-_BEYOND_END = 2.0
+_BEYOND_END, _ROUNDS = 2.0, 3
 # Turns are looked for among so many samples, evenly spread.
 _MOST_PLACES = 20_000
 # Share of the change of friction at which presliding ends, that is at 95 % of the level there, and
@@ -109,9 +109,13 @@ def _at_own_scale(raw: Samples, friction: np.ndarray, count: float) -> list[_Rev
     creeping end of the change is missed.
     """
     shown = list(_reversals(raw, friction, _FIRST_WAY))
-    window = min(_FIRST_WAY, max(_MULTIPLE * _middle(shown, 'early'), 20.0 * count))
-    again = list(_reversals(raw, friction, window))
-    return shown if window < _BEYOND_END * _middle(again, 'end') else again or shown
+    for _ in range(_ROUNDS):
+        window = min(_FIRST_WAY, max(_MULTIPLE * _middle(shown, 'early'), 20.0 * count))
+        again = list(_reversals(raw, friction, window))
+        if not again or window < _BEYOND_END * _middle(again, 'end'):
+            break
+        shown = again
+    return shown
 
 
 def _middle(shown: Sequence[_Reversal], name: str) -> float:

@@ -11,7 +11,7 @@ chosen with the terms found.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 import math
 from typing import Any
@@ -102,10 +102,11 @@ class Search:
             self._errors[key] = self.table.errors(terms)
         return self._errors[key]
 
-    def update_candidates(self, terms: Sequence[Term]) -> None:
-        """Replace the candidates by the terms proposed for the residual of a fit."""
+    def update_candidates(self, terms: Sequence[Term], without: Collection[str] = ()) -> None:
+        """Replace the candidates by the terms proposed for a fit, `without` those of variables."""
         table = self.table
-        proposed = [term for term in proposals(table, terms) if term.kind not in self._single]
+        proposed = [term for term in proposals(table, terms) if term.kind not in self._single
+                    and term.kind.variable not in without]
         table.keep({*self.fixed, *terms, *proposed, *first_model(table)})
         self.candidates = table.add(proposed)
 
@@ -400,8 +401,7 @@ def find_best_fit(problem: Problem) -> Fit:
                 1.0 + thresholds.LAG_SHARE) * _mean_error(lagged):
             break
         lagged = again
-    if _mean_error(lagged) < (1.0 - thresholds.LAG_SHARE) * _mean_error(best):
-        best = lagged
+    best = _better(best, lagged, thresholds.LAG_SHARE)
     return refit(best, best.terms)
 
 
@@ -413,14 +413,19 @@ def _at_best_motion(problem: Problem, fit: Fit) -> Fit:
     settings = _with_best_motion(problem, fit)
     if settings == fit.settings:
         return fit
-    again = search_with(problem, settings, fit.terms[fit.initial_count:])
-    before, after = (one.table.errors(one.terms) / one.table.sums.rows for one in (fit, again))
-    return again if is_better(before, after, thresholds.EQUIVALENT) else fit
+    return _better(fit, search_with(problem, settings, fit.terms[fit.initial_count:]),
+                   thresholds.EQUIVALENT)
 
 
 def _mean_error(fit: Fit) -> float:
     """Return the squared error in regimes that were not fitted."""
     return float(fit.table.errors(fit.terms).sum()) / len(fit.table.target)
+
+
+def _better(first: Fit, second: Fit, least: float) -> Fit:
+    """Return the second fit if it has clearly less error, by a share; else the first."""
+    before, after = (fit.table.errors(fit.terms) / fit.table.sums.rows for fit in (first, second))
+    return second if is_better(before, after, least) else first
 
 
 def _columns(fit: Fit, rows: Rows) -> np.ndarray:
@@ -546,7 +551,8 @@ def rivals_of(fit: Fit) -> dict[Term, list[str]]:
     own, transition = table.errors(fit.terms), table.transition
     for term, named in rivals.items():
         rest = [other for other in fit.terms if other != term]
-        search.update_candidates(rest)
+        # A history, or time, may stand for much, and takes the longest to try.
+        search.update_candidates(rest, ('time', 'history'))
         search.candidates = [other for other in search.candidates if other.choice != term.choice]
         without = table.errors(rest)
         for other in search.shortlist(rest):
