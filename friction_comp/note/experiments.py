@@ -177,9 +177,8 @@ def run_experiment(experiment: Experiment, identified: Callable[[], Identificati
     """
     report(0.0, 'identification')
     result = identified()
-    # The model for the compensation: all its friction was measured.
-    model = replace(experiment.model(), sigmoid=result.sigmoid, breakaway=result.breakaway,
-                    simulation={}, notes={})
+    # The model for the compensation is what identification writes: it says how sure it is, too.
+    model = result.model(experiment.model().drive)
     report(0.3, 'trials')
     peaks = {name: mean_peak(run_trial(experiment, model, name, seed)) for name in CONDITIONS}
     starts = {}
