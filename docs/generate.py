@@ -247,7 +247,8 @@ def conditions() -> str:
     """Return the table of reaches under other sensors, gears and models, in both worlds."""
     found: dict[str, dict[str, str]] = {}
     for row in stored('conditions')['rows']:
-        name, what = row['floor'].removeprefix('reach from rest, d = 0, ').rsplit(': ', 1)
+        name, what = row['floor'].removeprefix('reach from rest, d = 0, ').replace(
+            ', 2 to 5 ms late', '').rsplit(': ', 1)
         found.setdefault(name, {})[row['world'] + what] = '{:.0f} ({:.0f}); {:.0f}; {:.0f}'.format(
             *(row[key] for key in ('value', 'worst', 'tanh', 'kinetic')))
     columns = [world + what for what in ('RMS', 'start') for world in ('gear', 'mujoco')]
