@@ -278,8 +278,11 @@ def test_the_experiments_of_the_note(tmp_path, monkeypatch):
         # What docs/results.md quotes is still so: docs/generate.py stores it anew.
         quoted = QUOTED['configurations'][str(experiment.number)]
         for name, value in quoted['peak_torque'].items():
-            # What a law leaves is a small difference: 0.5 % of friction is 7 % of it.
+            # What a law leaves is a small difference: 0.5 % of friction is 7 % of it. And fewer
+            # ramps, at a lower rate, tell presliding and how sure a model is less well.
+            part = 0.015 if name == 'continuous' else 0.01
             assert peaks[name] == pytest.approx(
-                value, rel=0.05, abs=max(0.02, 0.01 * peaks['none'])), name
+                value, rel=0.05, abs=max(0.02, part * peaks['none'])), name
         for name, value in quoted['peak_reduction'].items():
-            assert reductions[name] == pytest.approx(value, abs=0.03), name
+            allowed = 0.05 if name == 'continuous' else 0.03
+            assert reductions[name] == pytest.approx(value, abs=allowed), name
