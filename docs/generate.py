@@ -263,7 +263,7 @@ def ablation() -> str:
         cells = dict(row)
         rule, world = cells.pop('rule'), cells.pop('world')
         found.setdefault(rule, {})[world] = ', '.join(
-            f'{name} {text}' for name, text in cells.items()) or 'no change'
+            f'{name} {text}'.replace(' of ', '/') for name, text in cells.items()) or '–'
     return rows(['without', 'simulated gears', 'MuJoCo'], [
         [rule, cells.get('gear', '–'), cells.get('mujoco_gear', '–')]
         for rule, cells in found.items()])

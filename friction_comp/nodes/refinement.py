@@ -226,7 +226,8 @@ class RefinementNode(Node):
             report = await self._refine(joint, request, goal_handle, output)
         finally:
             self._job = None
-        result.verdict, result.noise_floor = report['verdict'], report['noise_floor'] or math.nan
+        result.verdict, noise = report['verdict'], report['noise_floor']
+        result.noise_floor = math.nan if noise is None else noise
         result.error_before, result.error_after = (
             report[one]['held_out_rmse'] for one in ('before', 'after'))
         result.effects = [effect['name'] for effect in report['effects']]
