@@ -16,7 +16,7 @@ While a compensator is active, goals are refused.
 from typing import List
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -28,23 +28,21 @@ def generate_launch_description():
     topics = ('joint_states', 'current_command')
     types = {'joints': List[str], 'model_files': List[str], 'output_folder': str,
              'use_sim_time': bool}
-    switch, levels = ['true', 'false'], ['debug', 'info', 'warn', 'error', 'fatal']
+    levels = ['debug', 'info', 'warn', 'error', 'fatal']
     arguments = (
         ('namespace', '', 'of the node'),
         ('parameters', [configuration, '/parameters.yaml'],
-         'parameter file; the arguments below override it'),
-        ('joints', None, "names of the joints as a YAML list, such as ['elbow']"),
-        ('model_files', None, 'one model file per joint, as a YAML list: their drives, and what '
+         'parameter file; arguments below that are given override it'),
+        ('joints', '', "names of the joints as a YAML list, such as ['elbow']"),
+        ('model_files', '', 'one model file per joint, as a YAML list: their drives, and what '
          'carries the joints'),
-        ('output_folder', '.', 'folder for the model files'),
-        ('use_sim_time', 'false', 'time from /clock', switch),
+        ('output_folder', '', 'folder for the model files'),
+        ('use_sim_time', '', 'time from /clock', ['', 'true', 'false']),
         ('log_level', 'info', 'what is logged', levels),
         *((topic, topic, f'topic to use as {topic}') for topic in topics))
-    return LaunchDescription([
-        *(DeclareLaunchArgument(name, default_value=default, description=text,
-                                choices=choices[0] if choices else None)
-          for name, default, text, *choices in arguments),
-        Node(
+
+    def node(context):
+        return [Node(
             package='friction_comp',
             executable='identification',
             name='identification',
@@ -52,10 +50,14 @@ def generate_launch_description():
             parameters=[
                 LaunchConfiguration('parameters'),
                 {name: ParameterValue(LaunchConfiguration(name), value_type=kind)
-                 for name, kind in types.items()},
+                 for name, kind in types.items() if LaunchConfiguration(name).perform(context)},
             ],
             remappings=[(topic, LaunchConfiguration(topic)) for topic in topics],
             arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],
             output='screen',
-        ),
-    ])
+        )]
+    return LaunchDescription([
+        *(DeclareLaunchArgument(name, default_value=default, description=text,
+                                choices=choices[0] if choices else None)
+          for name, default, text, *choices in arguments),
+        OpaqueFunction(function=node)])

@@ -57,10 +57,17 @@ def test_starts_its_nodes_and_ends_them_on_an_interrupt(prefix, tmp_path, name):
             os.environ, PYTHONPATH=os.pathsep.join([str(ROOT), *sys.path]),
             AMENT_PREFIX_PATH=os.pathsep.join([str(prefix), sys.prefix]),
             ROS_LOG_DIR=str(tmp_path / 'log'))
+        parameters = tmp_path / 'own.yaml'
+        parameters.write_text(
+            "/**/compensator: {ros__parameters: {current_limit: 2.0, law: paper, "
+            f"joints: [elbow], model_files: ['{MODELS[0]}']}}}}\n")
         log = (tmp_path / 'out.txt').open('w')
         process = subprocess.Popen(
             [sys.executable, '-c', RUN, str(ROOT / 'launch' / f'{name}.launch.py'),
-             "joints:=['elbow']", f"model_files:=['{MODELS[0]}']", 'log_level:=warn',
+             *(() if name == 'compensation' else
+               ("joints:=['elbow']", f"model_files:=['{MODELS[0]}']")),
+             *(() if name == 'identification' else ('law:=kinetic',)),
+             f'parameters:={parameters}', 'log_level:=warn',
              # On a busy machine, nodes may take longer than launch waits by itself.
              'sigterm_timeout:=60', 'sigkill_timeout:=60'],
             env=environment, stdout=log, stderr=log, start_new_session=True)
@@ -68,6 +75,9 @@ def test_starts_its_nodes_and_ends_them_on_an_interrupt(prefix, tmp_path, name):
             probe.until(lambda: STARTS[name] <= set(probe.get_node_names()), 'the nodes')
             if name != 'identification':
                 probe.until(lambda: probe.count_publishers('current_command') == 1, 'activation')
+                # What is not given stays as the parameter file says.
+                assert probe.get_parameters_of(
+                    'compensator', ['current_limit', 'law']) == [2.0, 'kinetic']
             time.sleep(0.5)
             os.killpg(process.pid, signal.SIGINT)
             process.wait(120.0)
