@@ -22,7 +22,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -qq
 ORIGIN := $(or $(ROS_DISTRO),wheels)
 MADE := $(VENV)/made-for-$(ORIGIN)
 fetch = { $(BIN)/uv pip install -q --python $(BIN)/python $(1) || $(PIP) install $(1); }
-SOURCES := $(shell find friction_comp friction_comp_interfaces build_tools resource launch config sros2 \
+SOURCES := $(shell find friction_comp friction_comp_interfaces build_tools resource launch config \
 	msg_docs -type f -not -path '*/__pycache__/*' 2>/dev/null) \
 	setup.py setup.cfg pyproject.toml package.xml
 # Folders with compiled functions, which also hold the constants that these import.

@@ -73,7 +73,6 @@ setup(
         *shared('config/arms', '*.xml', '*.urdf'),
         *shared('config/layouts', '*.json', '*.xml'),
         *shared('msg_docs', '*.md'),
-        *shared('sros2', '*.xml'),
         *executables(),
     ],
     python_requires='>=3.10',

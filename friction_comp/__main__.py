@@ -10,15 +10,12 @@ import importlib
 import itertools
 import os
 import re
-import signal
 import sys
-import threading
-from typing import NoReturn
 
 from friction_comp import __version__
 from friction_comp.errors import InputError, one_line
 from friction_comp.files import add_environment_to_ament_path
-from friction_comp.interrupts import end_by_exception, Ended
+from friction_comp.interrupts import end_by_exception, Ended, ENDING, STOPPING
 from friction_comp.terminal import tolerant_output
 
 NODES = {
@@ -91,11 +88,8 @@ def run(name: str, argv: list[str] | None = None) -> int:
         os.environ.setdefault(f'{library}_NUM_THREADS', '1')
     if name in NODES or name in ('demo', 'doctor', 'play'):
         add_environment_to_ament_path()
-    if name in NODES and threading.current_thread() is threading.main_thread():
-        # Until the node installs its own handlers, there is nothing to clean up.
-        signal.signal(signal.SIGINT, _leave)
-    elif name in TOOLS:
-        end_by_exception()
+    # A motion would go on without a program that is only stopped. Nodes get handlers of their own.
+    end_by_exception([*ENDING, *(STOPPING if name in ('play', 'demo') else ())])
     with tolerant_output():
         try:
             # Imported only now, so that tools that do not need ROS 2 run without it.
@@ -120,10 +114,7 @@ def run(name: str, argv: list[str] | None = None) -> int:
             return 128 + ended.number
         except KeyboardInterrupt:
             return 130
-
-
-def _leave(*_: object) -> NoReturn:
-    os._exit(130)
+    return 0
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -140,7 +131,7 @@ def main(argv: list[str] | None = None) -> int:
         if first is not None:
             print(f'friction_comp: there is no node or tool named {first!r}', file=sys.stderr)
         print(USAGE, file=sys.stderr)
-        return 2
+    return 2
 
 
 def __getattr__(name: str) -> Callable[[], int]:

@@ -2,23 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one door for files: through it every byte comes in and goes out; and where the package is.
 
-In: a regular file that may be read, unpacked to no more than a recording could hold; YAML without
-references and JSON, both bounded in depth. Out: whole or absent, whatever ends the program (see
-`friction_comp.interrupts`), and never in the place of a file that was read as an input.
+In: a regular file that may be read, unpacked to no more than a recording could hold. Out: whole or
+absent, whatever ends the program (see `friction_comp.interrupts`), and never in the place of a file
+that was read as an input.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-import errno
 import io
 import json
 import math
 import os
 from pathlib import Path
 import re
-import stat
 import sys
 from typing import Any, BinaryIO, TYPE_CHECKING
 import zlib
@@ -50,16 +48,12 @@ def open_input(path: AnyPath) -> BinaryIO:
     """
     path = Path(path)
     with os_errors_name(path, 'cannot be read: '):
-        # Do not wait for a writer if it is a pipe: there may never be one.
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        kind = os.fstat(handle)
-        if not stat.S_ISREG(kind.st_mode):
-            os.close(handle)
-            if stat.S_ISDIR(kind.st_mode):
-                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if path.is_fifo() or path.is_char_device():
             raise InputError(f'{path}: not a regular file')
-        _inputs[kind.st_dev, kind.st_ino] = path.absolute()
-        return os.fdopen(handle, 'rb')
+        stream = path.open('rb')
+        kind = os.fstat(stream.fileno())
+    _inputs[kind.st_dev, kind.st_ino] = path.absolute()
+    return stream
 
 
 def check_input(path: AnyPath) -> Path:
@@ -132,17 +126,13 @@ def unpacked_file(path: Path) -> Iterator[Path]:
             yield path
             return
         import shutil
-        from tempfile import gettempdir
+        from tempfile import TemporaryDirectory
 
-        folder = Path(gettempdir(), f'friction_comp_{os.urandom(12).hex()}')
-        try:
-            folder.mkdir(mode=0o700)
-            with (folder / path.stem).open('wb') as stream:
+        with TemporaryDirectory() as folder:
+            plain = Path(folder, path.stem)
+            with plain.open('wb') as stream:
                 shutil.copyfileobj(Unpacked(path, packed), stream, 1 << 20)
-            yield folder / path.stem
-        finally:
-            with interrupts_deferred():
-                shutil.rmtree(folder, ignore_errors=True)
+            yield plain
 
 
 def library_for(path: Path, name: str, extra: str, files: str) -> Any:
@@ -155,9 +145,9 @@ def library_for(path: Path, name: str, extra: str, files: str) -> Any:
                          f'or pip install {package}') from None
 
 
-def read_yaml(path: AnyPath, references: bool = False) -> Any:
+def read_yaml(path: AnyPath) -> Any:
     """Return the content of a YAML file, see `parse_yaml`; raises InputError if it is none."""
-    return parse_yaml(read_text(path), path, references)
+    return parse_yaml(read_text(path), path)
 
 
 def parse_json(text: str, where: object) -> Any:
@@ -203,20 +193,15 @@ def write_atomically(path: AnyPath, content: str | bytes, sync: bool = True,
                      is_model: bool = False) -> None:
     """Write text or bytes to a temporary file that then replaces the file.
 
-    A device or pipe is written to directly. Without `sync` it does not wait for the disk. Raises
-    InputError if the file cannot be written, or is one that was read: only a model may replace one.
+    Without `sync` it does not wait for the disk. Raises InputError if the file cannot be written,
+    or is one that was read: only a model may replace one.
     """
     path = Path(path)
     data = encodable(content).encode('utf-8') if isinstance(content, str) else content
     with os_errors_name(path, 'cannot be written: '):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_file():
-            # Do not wait until a pipe has a reader, but then wait for a slow one.
-            handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-            os.set_blocking(handle, True)
-            with os.fdopen(handle, 'wb') as stream:
-                stream.write(data)
-            return
+            raise InputError(f'{path}: exists and is no ordinary file')
         if not is_model:
             _keep_input(path)
         draft = path.with_name(f'.{os.urandom(12).hex()}')
@@ -326,13 +311,11 @@ def check_folder(path: AnyPath) -> None:
 
 
 def check_file(path: AnyPath) -> None:
-    """Raise InputError if a file cannot be written; existing devices are accepted."""
+    """Raise InputError if a file cannot be written."""
     path = Path(path)
     with os_errors_name(path, 'cannot be written to: '):
-        if path.is_dir():
-            raise InputError(f'{path}: is a folder, not a file')
         if path.exists() and not path.is_file():
-            return
+            raise InputError(f'{path}: exists and is no ordinary file')
         with suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()    # tells that a name is too long
     check_folder(path.parent)
@@ -407,21 +390,9 @@ _PlainLoader.add_constructor('tag:yaml.org,2002:int', _whole_number)
 _PlainLoader.add_constructor('tag:yaml.org,2002:float', _number)
 
 
-def parse_yaml(text: str, where: object, references: bool = False) -> Any:
-    """Return the plain values of a YAML document; raises InputError if it is not valid.
-
-    What is nested deeply is refused, and so are references, a few of which fill the memory of
-    whoever writes them out; but rosbag2's metadata have some.
-    """
+def parse_yaml(text: str, where: object) -> Any:
+    """Return the plain values of a YAML document; raises InputError if it is not valid."""
     try:
-        depth = 0
-        for count, event in enumerate(yaml.parse(text, Loader=_Loader)):
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
-            if isinstance(event, yaml.AliasEvent) and not references:
-                raise yaml.YAMLError('references (*) are not allowed')
-            if depth > 100 or count > 4_000_000:
-                raise yaml.YAMLError('it holds too much, or is nested too deeply')
         return yaml.load(text, Loader=_PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f'{where}: not a YAML document: {one_line(error)}') from None

@@ -40,13 +40,13 @@ class Ended(KeyboardInterrupt):
         self.number = number
 
 
-def end_by_exception() -> None:
-    """From now on, raise `Ended` in the main thread at each signal that ends a program.
+def end_by_exception(numbers: Collection[int] = ENDING) -> None:
+    """From now on, raise `Ended` in the main thread at each of these signals.
 
     Signals that whoever started the program has told it to ignore, as `nohup` does, stay ignored,
     and so do handlers that are not Python's own.
     """
-    _set_handler(ENDING)
+    _set_handler(numbers)
 
 
 def _set_handler(numbers: Collection[int]) -> dict[int, object]:
@@ -68,26 +68,6 @@ def _end(number: int, _: object) -> None:
 
 
 @contextmanager
-def _handled(numbers: Collection[int]) -> Iterator[None]:
-    former = _set_handler(numbers)
-    try:
-        yield
-    finally:
-        for number, handler in former.items():
-            signal.signal(number, handler)   # type: ignore[arg-type]
-
-
-@contextmanager
-def stopping_ends() -> Iterator[None]:
-    """Let signals that would only stop this program end it within the block.
-
-    A motion would go on without the program that watches over it.
-    """
-    with _handled(STOPPING):
-        yield
-
-
-@contextmanager
 def interrupts_deferred() -> Iterator[None]:
     """Let nothing end this program within the block, but as soon as it is over."""
     global _deferring
@@ -95,13 +75,15 @@ def interrupts_deferred() -> Iterator[None]:
         yield
         return
     # Python's own handler of SIGINT, where no tool has set one, would not wait.
-    with _handled([signal.SIGINT]):
-        _deferring += 1
-        try:
-            yield
-        finally:
-            _deferring -= 1
-        if _deferred and not _deferring:
-            number = _deferred[0]
-            _deferred.clear()
-            raise Ended(number)
+    former = _set_handler([signal.SIGINT])
+    _deferring += 1
+    try:
+        yield
+    finally:
+        _deferring -= 1
+        for number, handler in former.items():
+            signal.signal(number, handler)   # type: ignore[arg-type]
+    if _deferred and not _deferring:
+        number = _deferred[0]
+        _deferred.clear()
+        raise Ended(number)

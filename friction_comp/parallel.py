@@ -14,7 +14,6 @@ from contextlib import contextmanager, ExitStack, suppress
 from dataclasses import dataclass
 import functools
 import multiprocessing
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 import os
 import re
@@ -123,33 +122,17 @@ def child_process() -> Iterator[ProcessPoolExecutor]:
     # Close the pipe before the pool, which waits for work that has begun.
     with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with_parent,
                              initargs=(child_end,)) as pool, parent_end:
-        # An interrupt while the process starts would leave it half-initialised. It is blocked for
-        # the child, and deferred in this process, where another thread may receive it.
-        with interrupts_deferred(), _interrupts_blocked():
+        # Ctrl-C reaches both processes: the child inherits that it is ignored, and waits until this
+        # one closes the pipe.
+        with interrupts_deferred():
+            former = signal.signal(signal.SIGINT, signal.SIG_IGN)
             pool.submit(int)
+            signal.signal(signal.SIGINT, former)
         yield pool
-
-
-@contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Block SIGINT for processes that start in the block; Windows has no masks of signals."""
-    if not hasattr(signal, 'pthread_sigmask'):
-        yield
-        return
-    # Python's resource tracker would unblock it when it starts, so it is started before.
-    resource_tracker.ensure_running()
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def _end_with_parent(child_end: Connection) -> None:
     """End this process, which might work on for long, when its parent closes a pipe or dies."""
-    # Ctrl-C reaches both processes; the child waits until the parent closes the pipe.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
     def end() -> None:
         with suppress(EOFError):
             child_end.recv()

@@ -1,76 +1,40 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What people read: streams that never stop a tool, progress, and numbers as text.
-
-If a pipe is closed (``| head``) or a terminal lacks some characters, only printed text is lost.
-"""
+"""What people read: output, progress, and numbers as text."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+import io
 import math
 from numbers import Integral
 import os
 import re
 import sys
-from typing import Any, TypeVar
+from typing import TypeVar
 
 T = TypeVar('T')
-
-
 PROGRESS = 'FRICTION_COMP_PROGRESS'
 """Environment variable of who wants lines of progress on standard error: share and step."""
 
 
-class _TolerantStream:
-    """A text stream that discards its output once its reader has closed the pipe."""
-
-    def __init__(self, stream: Any) -> None:
-        self._stream = stream
-
-    def write(self, text: str) -> int:
-        try:
-            return int(self._stream.write(text))
-        except BrokenPipeError:
-            self._discard_output()
-        except BlockingIOError:
-            # That of a node, which does not wait for its reader.
-            pass
-        return len(text)
-
-    def flush(self) -> None:
-        try:
-            self._stream.flush()
-        except BrokenPipeError:
-            self._discard_output()
-        except BlockingIOError:
-            pass
-
-    def _discard_output(self) -> None:
-        # Redirect the file descriptor: Python's buffers are flushed again when the process ends.
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, self._stream.fileno())
-        os.close(null)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-
 @contextmanager
 def tolerant_output() -> Iterator[None]:
-    """Tolerate closed pipes in the block, and escape characters that the terminal lacks."""
-    before = sys.stdout, sys.stderr
-    for stream in before:
-        if hasattr(stream, 'reconfigure'):
+    """Escape characters that the terminal lacks, and end the block when its reader is gone."""
+    streams = [stream for stream in (sys.stdout, sys.stderr) if stream]
+    for stream in streams:
+        if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors='backslashreplace')
-    sys.stdout, sys.stderr = (stream and _TolerantStream(stream) for stream in before)
     try:
         yield
-    finally:
-        for stream in filter(None, (sys.stdout, sys.stderr)):
+        for stream in streams:
             stream.flush()
-        sys.stdout, sys.stderr = before
+    except BrokenPipeError:
+        # Redirect the file descriptors: Python's buffers are flushed again when the process ends.
+        null = os.open(os.devnull, os.O_WRONLY)
+        for stream in streams:
+            os.dup2(null, stream.fileno())
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.tools.common import Arguments
 
 DOCS = ROOT / 'docs'
-PAGES = sorted(path for folder in ('.', 'docs', 'msg_docs', 'bench', 'sros2')
+PAGES = sorted(path for folder in ('.', 'docs', 'msg_docs', 'bench')
                for path in (ROOT / folder).glob('*.md'))
 # Pages that are followed step by step; of the others, arguments are read.
 FOLLOWED = ('README', 'start', 'measure', 'own_robot', 'daily_use', 'excite', 'many_robots')
@@ -115,7 +115,7 @@ def check_node(arguments):
             assert re.search(rf'\b{left}:', declared), left
             assert yaml.safe_load(right) is not None
         else:
-            assert flag in ('-r', '--enclave')
+            assert flag == '-r'
 
 
 def check_goal(fields):

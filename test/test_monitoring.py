@@ -4,7 +4,6 @@
 
 from argparse import Namespace
 from dataclasses import replace
-import json
 
 from helpers import note_model, ROOT
 from hypothesis import given, strategies as st
@@ -268,17 +267,13 @@ def test_without_a_running_system_it_says_so_and_ends_well():
 @pytest.mark.parametrize(('change', 'about', 'words'), [
     (('_REQUIRED', ('no_such_module',)), 'no_such_module', 'pip install no_such_module'),
     (('import_module', lambda _: Namespace(IdentifyFriction=None, RefineModel=None)), 'actions',
-     'build the package again'),
-    (('middlewares', lambda: ['rmw_fastrtps_cpp']), 'middleware', 'unset it here')])
+     'build the package again')])
 def test_what_is_missing_on_this_machine_is_named(monkeypatch, capsys, change, about, words):
     monkeypatch.setattr(doctor, *change)
-    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_of_another_world_cpp')
-    assert doctor.doctor(['--seconds', '0', '--json']) == 1
-    found, = (one for one in json.loads(capsys.readouterr().out)['findings']
-              if one['about'] == about)
-    assert words in found['do']
     assert doctor.doctor(['--seconds', '0']) == 1
-    assert about in capsys.readouterr().out.splitlines()[-1]
+    lines = capsys.readouterr().out.splitlines()
+    assert any(about in line and words in then for line, then in zip(lines, lines[1:]))
+    assert about in lines[-1]
 
 
 def test_it_asks_for_what_the_package_is_installed_with():

@@ -104,7 +104,7 @@ class Storage:
         files = sorted((path for path in self.path.iterdir() if path.name.endswith(BAGS)),
                        key=_by_numbers)
         try:
-            about = read_yaml(self.path / METADATA, references=True)['rosbag2_bagfile_information']
+            about = read_yaml(self.path / METADATA)['rosbag2_bagfile_information']
             # Only the names, in this folder: metadata must not point outside of it.
             listed = [self.path / PurePath(name).name for name in about['relative_file_paths']]
             self.custom = {key: value for key, value in (about.get('custom_data') or {}).items()

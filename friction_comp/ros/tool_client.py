@@ -32,7 +32,7 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from friction_comp.errors import InputError
-from friction_comp.interrupts import interrupts_deferred, stopping_ends
+from friction_comp.interrupts import interrupts_deferred
 from friction_comp.messages import nanoseconds, TOPICS, TORQUE_UNIT
 from friction_comp.ros.joint_io import BEST_EFFORT, command_unit
 from friction_comp.ros.ros_start import own_node
@@ -232,8 +232,7 @@ class ToolClient:
             self._request(lambda: cancel.call_async(_cancellation()), f'an answer of {what}')
             end, outcome = time.monotonic() + self._patience, None
             while outcome is None:
-                with stopping_ends():
-                    outcome = self._follow(action, cancel, goal, report, what)
+                outcome = self._follow(action, cancel, goal, report, what)
                 if outcome is None and time.monotonic() > end:
                     reason = self.value(what, 'last refusal')
                     raise InputError(f'{what} refuses the goal' + (f': {reason}' if reason else ''))

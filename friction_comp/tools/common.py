@@ -41,26 +41,6 @@ OF_TABLE = ('columns', 'unit', 'rate', 'stiffness', 'damping')
 """Arguments that tell how the columns of a table are read."""
 
 
-class _Once(argparse.Action):
-    """Stores a value; an option that is given twice is refused, since one would be passed over."""
-
-    def __call__(self, parser: Any, namespace: Namespace, values: Any,
-                 option: str | None = None) -> None:
-        if option and option in parser.given:
-            parser.error(f'{option} is given twice')
-        parser.given.add(option)
-        setattr(namespace, self.dest, values)
-
-
-class _Joined(argparse.Action):
-    """Joins the pairs of an option that is given several times."""
-
-    def __call__(self, parser: Any, namespace: Namespace, values: Any,
-                 option: str | None = None) -> None:
-        before = getattr(namespace, self.dest)
-        setattr(namespace, self.dest, f'{before},{values}' if before else values)
-
-
 class Arguments(argparse.ArgumentParser):
     """An argument parser that reports an error in one line and exits with status 2.
 
@@ -76,8 +56,6 @@ class Arguments(argparse.ArgumentParser):
             formatter_class=partial(argparse.RawDescriptionHelpFormatter, width=100,
                                     max_help_position=26))
         self._name = name
-        self.given: set[str | None] = set()
-        self.register('action', None, _Once)
         self._check_output: Callable[[Path], None] | None = None
 
     def error(self, message: str) -> NoReturn:
@@ -92,8 +70,10 @@ class Arguments(argparse.ArgumentParser):
             f'{" ".join(action.option_strings[:1])} {action.metavar or "FORM"}'.strip()
             + ' …' * (action.nargs == '+') for action in needed), '[OPTION …]'])
         end = given.index('--ros-args') if '--ros-args' in given else len(given)
-        self.given.clear()
         parsed = self.parse_args(given[:end])
+        for name in ('columns', 'unit'):
+            if parts := getattr(parsed, name, None):
+                setattr(parsed, name, ','.join(parts))
         parsed.ros = given[end:]
         parsed.command = f'`friction_comp {shlex.join([self._name, *given])}`'
         if self._check_output is not None:
@@ -104,17 +84,17 @@ class Arguments(argparse.ArgumentParser):
         """Add the arguments for recordings: RECORDING, --joint, --columns and --unit."""
         self.add_argument(
             'recordings' if several else 'recording', metavar='RECORDING', type=Path,
-            nargs='+' if several else None, action='store' if several else _Once,
+            nargs='+' if several else None,
             help='rosbag2 folder, .mcap file, or table (.csv, .parquet, .npz, .mat, .h5; '
             'with a signal each, q.csv+tau.csv)'
             + ('; or a folder of recordings other than tables' if several else ''))
         self.add_argument('--joint', metavar='NAME', help='the joint, where there are several; '
                           '/TOPIC/NAME if several topics have it')
         self.add_argument(
-            '--columns', metavar='SIGNAL=COLUMN', action=_Joined,
+            '--columns', metavar='SIGNAL=COLUMN', action='append',
             help='columns of a table: time=t,position=q_2,effort=tau_2')
         self.add_argument(
-            '--unit', metavar='SIGNAL=UNIT', action=_Joined,
+            '--unit', metavar='SIGNAL=UNIT', action='append',
             help='units that are not SI: time=ms,position=deg,current=2.69mA' + unit_help)
         self.add_argument('--rate', metavar='HZ', type=positive,
                           help='rows per second of a table without times, or of a plan')

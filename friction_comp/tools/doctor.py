@@ -7,12 +7,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from importlib import import_module, util
 import os
-from pathlib import Path
 import platform
 import sys
 from typing import Any
 
-from friction_comp.files import add_environment_to_ament_path, to_json
+from friction_comp.files import add_environment_to_ament_path
 from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, whole_number
 
@@ -36,7 +35,6 @@ def doctor(argv: list[str] | None = None) -> int:
     parser.add_argument('--seconds', metavar='S', type=whole_number(0), default=5,
                         help='how long to observe the running system (%(default)s); 0: check this '
                         'machine only')
-    parser.add_argument('--json', action='store_true', help='print findings as JSON')
     arguments = parser.parse(argv)
     findings = list(check_machine())
     if arguments.seconds and not _with(findings, 'problem'):
@@ -46,15 +44,11 @@ def doctor(argv: list[str] | None = None) -> int:
         with progress('observing') as report:
             seen = observe(arguments.seconds, arguments.ros, report)
         findings += check_system(seen)
-    if arguments.json:
-        names = ('level', 'about', 'what', 'do')
-        print(to_json({'findings': [dict(zip(names, one)) for one in findings]}), end='')
-    else:
-        for level, about, what, do in findings:
-            print(f'{level:8} {about}: {what}' + f'\n         -> {do}' * bool(do))
-        missing = ', '.join(dict.fromkeys(one[1] for one in _with(findings, 'problem')))
-        print(f'{len(_with(findings, "problem"))} problems, {len(_with(findings, "warning"))} '
-              'warnings: ' + (f'not ready, look after {missing}' if missing else 'ready'))
+    for level, about, what, do in findings:
+        print(f'{level:8} {about}: {what}' + f'\n         -> {do}' * bool(do))
+    missing = ', '.join(dict.fromkeys(one[1] for one in _with(findings, 'problem')))
+    print(f'{len(_with(findings, "problem"))} problems, {len(_with(findings, "warning"))} '
+          'warnings: ' + (f'not ready, look after {missing}' if missing else 'ready'))
     return int(bool(_with(findings, 'problem')))
 
 
@@ -83,21 +77,6 @@ def check_machine() -> Iterator[tuple[str, str, str, str]]:
     if wanted:
         yield ('problem', 'actions', f'no {", ".join(wanted)}',
                'build the package again: make setup, or colcon build')
-    chosen, installed = os.environ.get('RMW_IMPLEMENTATION'), middlewares()
-    if chosen and installed and chosen not in installed:
-        # Every ROS 2 process would end.
-        yield ('problem', 'middleware', f'RMW_IMPLEMENTATION is {chosen}, which is not installed; '
-               f'there is {", ".join(installed)}', 'unset it here and on the robot alike, or '
-               f'install {chosen} on both')
     if (load := os.getloadavg()[0] / (os.cpu_count() or 1)) > 1.0:
         yield ('warning', 'load', f'{load:.1f} processes wait for each processor core',
                'nothing else should run beside a control loop')
-
-
-def middlewares() -> list[str]:
-    """Return the names of the middlewares that ROS 2 finds on this machine."""
-    index = Path('share', 'ament_index', 'resource_index', 'rmw_typesupport')
-    installed = {path.name for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-                 if prefix for path in (prefix / index).glob('rmw_*')}
-    # This one only selects another at run time.
-    return sorted(installed - {'rmw_implementation'})

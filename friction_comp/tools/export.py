@@ -43,15 +43,39 @@ _LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
 # Names of the numbers in each form; a form lacks those that it does not name.
 _KEYS = {
     'mujoco': {'coulomb': 'frictionloss', 'viscous': 'damping', 'inertia': 'armature',
-               'stiffness': 'stiffness'},
-    'urdf': {'coulomb': 'friction', 'viscous': 'damping'},
-    'sdf': {'coulomb': 'friction', 'viscous': 'damping', 'stiffness': 'spring_stiffness'},
+               'stiffness': 'stiffness', 'rest': 'springref'},
+    'urdf': {'viscous': 'damping', 'coulomb': 'friction'},
+    'sdf': {'viscous': 'damping', 'coulomb': 'friction', 'rest': 'spring_reference',
+            'stiffness': 'spring_stiffness'},
     'tanh': {'coulomb': 'Fc', 'viscous': 'Fv', 'offset': 'Fo'},
     'isaac': {'static': 'static_friction', 'coulomb': 'dynamic_friction',
               'viscous': 'viscous_friction', 'inertia': 'armature'},
     'csv': {'offset': 'torque (N·m)'},
     'json': {name: name for name in ('coulomb', 'coulomb_with_load', 'viscous', 'offset', 'static',
                                      'transition', 'inertia', 'stiffness', 'rest')}}
+# What the numbers stand in.
+_XML = {
+    'mujoco': """<mujoco>
+  <compiler angle="radian"/>
+  <default>
+    <default class="{name}">
+      <joint{slide}{numbers}/>
+    </default>
+  </default>
+</mujoco>
+""",
+    'urdf': """<robot name="{name}">
+  <joint name="{name}" type="{kind}">
+    <dynamics{numbers}/>
+  </joint>
+</robot>
+""",
+    'sdf': """<sdf version="1.9">
+  <joint name="{name}" type="{kind}">
+    <axis><dynamics>{numbers}</dynamics></axis>
+  </joint>
+</sdf>
+"""}
 # Speeds of a table over which friction changes its sign, in units of the transition.
 _TURNING = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0])
 
@@ -72,8 +96,6 @@ def export(argv: list[str] | None = None) -> int:
     parser.add_argument('--joint', metavar='NAME', help='joint of the model file of an '
                         'arm, and its name in the file that is written; by default that of the '
                         'model, else "joint"')
-    parser.add_argument('--without-inertia', action='store_true',
-                        help='leave out the inertia, which a simulator with links counts twice')
     parser.add_output('the file to write')
     arguments = parser.parse(argv)
     model = FrictionModel.load(arguments.model, arguments.joint)
@@ -87,8 +109,6 @@ def _write_joint(arguments: Namespace, model: FrictionModel) -> int:
     form, joint = arguments.to, simulator_joint(model, arguments.to)
     if form not in ('tanh', 'json'):
         joint = joint.passive()
-    if arguments.without_inertia:
-        joint = replace(joint, inertia=None)
     name = arguments.joint or model.joint or 'joint'
     remarks = in_own_units(_remarks(joint, arguments, model), model.is_linear)
     write_atomically(arguments.output, document(form, name, joint, remarks))
@@ -99,8 +119,6 @@ def _write_joint(arguments: Namespace, model: FrictionModel) -> int:
 
 
 def _write_table(arguments: Namespace, model: FrictionModel) -> int:
-    if arguments.without_inertia:
-        raise InputError('--without-inertia does not go with --to csv, which has none')
     if arguments.joint and 'joints' not in read_yaml(arguments.model):
         raise InputError('--joint is the name of the joint in the file: a table has none')
     joint = simulator_joint(model, 'csv')
@@ -123,7 +141,7 @@ def _remarks(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) 
     if 'inertia' in _KEYS[form]:
         if joint.inertia:
             lines[-1] += f', inertia {joint.inertia:.4g} kg·m², of {inertia_holds(model)}'
-        elif not arguments.without_inertia:
+        else:
             lines.append('No inertia: the model has none')
     if form == 'isaac':
         lines.append(f'Static friction: {joint.static_is}')
@@ -152,10 +170,21 @@ def _missed(torque: float, share: float, joint: SimulatorJoint) -> str:
 
 def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
     """Return the text of a file."""
-    if form in ('mujoco', 'urdf', 'sdf'):
-        return _xml(form, name, joint, remarks)
-    numbers: dict[str, Any] = {key: value for number, key in _KEYS[form].items()
-                               if (value := getattr(joint, number)) is not None}
+    springs = () if joint.stiffness else ('stiffness', 'rest')
+    numbers: dict[str, Any] = {
+        key: value for number, key in _KEYS[form].items()
+        if (value := getattr(joint, number)) is not None and number not in springs}
+    if form in _XML:
+        filling = ''.join(
+            f'<{key}>{value:.9g}</{key}>' if form == 'sdf' else f' {key}="{value:.9g}"'
+            for key, value in numbers.items())
+        # Two consecutive hyphens would end an XML comment.
+        remark = '\n'.join(f'  {line}' for line in remarks).replace('--', '- -')
+        slides = joint.unit == 'N'
+        body = _XML[form].format(
+            name=html.escape(name), numbers=filling, slide=' type="slide"' * slides,
+            kind='prismatic' if slides else 'revolute')
+        return f'<?xml version="1.0"?>\n<!--\n{remark}\n-->\n{body}'
     if form == 'tanh':
         numbers['k'] = 1.0 / joint.transition
     ranges = {key: list(joint.ranges[number]) for number, key in _KEYS[form].items()
@@ -170,40 +199,6 @@ def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) ->
     what = in_own_units(what, joint.unit == 'N')
     comment = '\n'.join(f'# {line}' for line in [*remarks, what])
     return f'{comment}\n{to_yaml({name: {**numbers, "range": ranges}})}'
-
-
-def _attributes(joint: SimulatorJoint) -> str:
-    """Return the attributes of a joint in MJCF."""
-    inertia = f' armature="{joint.inertia:.9g}"' if joint.inertia else ''
-    spring = (f' stiffness="{joint.stiffness:.9g}" springref="{joint.rest:.9g}"'
-              if joint.stiffness else '')
-    return f'frictionloss="{joint.coulomb:.9g}" damping="{joint.viscous:.9g}"{inertia}{spring}'
-
-
-def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
-    quoted = f'"{html.escape(name)}"'
-    # Two consecutive hyphens would end an XML comment.
-    remark = '\n'.join(f'  {line}' for line in remarks).replace('--', '- -')
-    friction, damping = f'{joint.coulomb:.9g}', f'{joint.viscous:.9g}'
-    linear = joint.unit == 'N'
-    kind = 'prismatic' if linear else 'revolute'
-    if form == 'mujoco':
-        slide = 'type="slide" ' if linear else ''
-        body = (f'<mujoco>\n  <compiler angle="radian"/>\n  <default>\n    <default '
-                f'class={quoted}>\n      <joint {slide}{_attributes(joint)}/>'
-                '\n    </default>\n  </default>\n</mujoco>\n')
-    elif form == 'urdf':
-        body = (f'<robot name={quoted}>\n  <joint name={quoted} type="{kind}">'
-                f'\n    <dynamics damping="{damping}" friction="{friction}"/>\n  </joint>\n'
-                '</robot>\n')
-    else:
-        spring = (f'<spring_reference>{joint.rest:.9g}</spring_reference>'
-                  f'<spring_stiffness>{joint.stiffness:.9g}</spring_stiffness>'
-                  if joint.stiffness else '')
-        body = (f'<sdf version="1.9">\n  <joint name={quoted} type="{kind}">\n    '
-                f'<axis><dynamics><damping>{damping}</damping><friction>{friction}</friction>'
-                f'{spring}</dynamics></axis>\n  </joint>\n</sdf>\n')
-    return f'<?xml version="1.0"?>\n<!--\n{remark}\n-->\n{body}'
 
 
 @dataclass(frozen=True)
