@@ -13,15 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.statistics import gap_length, median, smallest_step
 
-_OPTIONAL = (
-    'velocity', 'acceleration', 'load', 'temperature', 'command', 'direction',
-    'reference_position', 'reference_velocity', 'rigid_body', 'coupling',
+_SIGNALS = (
+    'time', 'position', 'current', 'velocity', 'acceleration', 'load', 'temperature', 'command',
+    'direction', 'reference_position', 'reference_velocity', 'rigid_body', 'coupling',
 )
-_SIGNALS = ('time', 'position', 'current', *_OPTIONAL)
 LIMITS = {
     'position': (1e5, 'rad'), 'velocity': (1e4, 'rad/s'), 'acceleration': (1e7, 'rad/s²'),
     'current': (1e5, 'A'),
@@ -199,75 +197,6 @@ class Samples:
     def with_(self, **changes: Any) -> Samples:
         """Return a copy with some signals replaced."""
         return replace(self, **changes)
-
-    @staticmethod
-    def from_arrays(time: Any, position: Any, effort: Any = None, current: Any = None,
-                    velocity: Any = None, torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                    joint: str = '', **signals: Any) -> Samples:
-        """Create samples from arrays, lists or columns of a data frame.
-
-        Rows without finite time, position, current or velocity are dropped.
-
-        Parameters
-        ----------
-        time : array_like, shape (N,)
-            Time in s. Rows are sorted by it; of rows with equal times, the first is kept.
-        position : array_like, shape (N,)
-            rad.
-        effort : array_like, shape (N,), optional
-            Motor torque seen at the joint in N·m; current is effort / (k_t · n).
-        current : array_like, shape (N,), optional
-            Motor current in A, instead of `effort`.
-        velocity : array_like, shape (N,), optional
-            rad/s; computed from the position when omitted.
-        torque_constant, gear_ratio : float
-            k_t in N·m/A and n.
-        joint : str
-        **signals : array_like, shape (N,)
-            Further signals of `Samples`, such as `load` or `temperature`.
-
-        Raises
-        ------
-        InputError
-            If arrays differ in length or do not contain numbers, or not exactly one of `effort` and
-            `current` is given.
-
-        Examples
-        --------
-        >>> samples = Samples.from_arrays(
-        ...     time=[0.0, 0.001, 0.002], position=[0.1, 0.1, 0.2], effort=[1.0, 1.2, 1.1])
-        >>> len(samples)
-        3
-        """
-        if (effort is None) == (current is None):
-            raise InputError('samples need either effort or current, and not both')
-        torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
-        given = {'time': time, 'position': position, 'velocity': velocity,
-                 'current': current if effort is None else effort, **signals}
-        unknown = sorted(set(signals) - set(_OPTIONAL))
-        if unknown:
-            raise InputError(f'samples have no signal {unknown[0]!r}, but {", ".join(_OPTIONAL)}')
-        arrays: dict[str, np.ndarray] = {}
-        for name, value in given.items():
-            if value is None:
-                continue
-            try:
-                arrays[name] = np.asarray(value, dtype=float)
-            except (TypeError, ValueError):
-                raise InputError(f'samples.{name} does not contain numbers') from None
-            if arrays[name].shape != arrays['time'].shape or arrays[name].ndim != 1:
-                raise InputError(f'samples.{name} has shape {arrays[name].shape}, but time has '
-                                 f'{arrays["time"].shape}; both must have one axis')
-        if effort is not None:
-            arrays['current'] = arrays['current'] / torque_per_current
-        needed = [name for name in ('time', 'position', 'current', 'velocity') if name in arrays]
-        rows = np.nonzero(np.all([np.isfinite(arrays[name]) for name in needed], axis=0))[0]
-        if not len(rows):
-            raise InputError(f'samples have no row with finite {", ".join(needed)}')
-        _, first = np.unique(arrays['time'][rows], return_index=True)
-        rows = rows[first]
-        chosen: dict[str, Any] = {name: values[rows] for name, values in arrays.items()}
-        return Samples(joint=joint, **chosen)
 
     @cached_property
     def sample_time(self) -> float:

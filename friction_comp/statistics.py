@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import math
 from typing import Any
 
@@ -12,13 +11,6 @@ import numpy as np
 
 CONFIDENCE = 0.95
 """Degree of confidence of all intervals."""
-
-
-def student_tail(value: float, freedom: float) -> float:
-    """Return the probability of a larger magnitude of Student's t than that of a value."""
-    from scipy.special import stdtr
-
-    return 2.0 * float(stdtr(freedom, -abs(value)))
 
 
 def student_quantile(freedom: Any) -> Any:
@@ -92,13 +84,3 @@ def top_speed(speed: np.ndarray, share: float = 0.95) -> float:
 def evenly_spread(index: Any) -> Any:
     """Return multiples `index` of the golden ratio, modulo 1: evenly spread, without a period."""
     return index * (0.5 * (math.sqrt(5.0) - 1.0)) % 1.0
-
-
-def quantile_edges(values: np.ndarray, count: int, tails: Sequence[float] = ()) -> np.ndarray:
-    """Return the inner edges of `count` ranges with equal numbers of values, ascending.
-
-    There are further edges at the quantiles `tails` and 1 - `tails`. Equal edges are merged.
-    """
-    ends = np.array(tails, dtype=float)
-    shares = np.concatenate((ends, np.linspace(0, 1, count + 1)[1:-1], 1.0 - ends))
-    return np.unique(np.quantile(values, shares))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.files import plain
-from friction_comp.statistics import CONFIDENCE, student_quantile, student_tail
+from friction_comp.statistics import CONFIDENCE, student_quantile
 
 # Fewest units that tell something about their spread.
 FEWEST_UNITS = 4
@@ -155,6 +155,8 @@ def units_out(value: np.ndarray, error: np.ndarray, tests: int = 1) -> np.ndarra
     deviate; Rosner 1983). With `tests` parameters, 5 % is the probability that any unit is called
     out in any of them although none is. More than a quarter are no exceptions.
     """
+    from scipy.special import stdtr
+
     inside, removed, significant = np.ones(len(value), dtype=bool), [], 0
     for k in range(len(value) // 4):
         left = np.flatnonzero(inside)
@@ -166,8 +168,8 @@ def units_out(value: np.ndarray, error: np.ndarray, tests: int = 1) -> np.ndarra
         usual = value[inside]
         variance = usual.var(ddof=1) * (1.0 + 1.0 / len(usual)) + max(
             0.0, error[index] ** 2 - float(np.mean(error[inside] ** 2)))
-        p_value = student_tail((value[index] - usual.mean()) / math.sqrt(variance + _TINY),
-                               len(usual) - 1)
+        t = abs(value[index] - usual.mean()) / math.sqrt(variance + _TINY)
+        p_value = 2.0 * stdtr(len(usual) - 1, -t)
         if p_value * (len(value) - k) < (1.0 - CONFIDENCE) / tests:
             significant = k + 1
     return np.isin(np.arange(len(value)), removed[:significant])

@@ -38,7 +38,7 @@ from friction_comp.refinement.result import (
 )
 from friction_comp.refinement.search import Fit, is_better
 from friction_comp.samples import Samples
-from friction_comp.statistics import quantile_edges, rms, robust_std, smallest_step
+from friction_comp.statistics import rms, robust_std, smallest_step
 
 # Every so many samples show whether joints move as one, and the share of the variance of a joint's
 # position that then follows from the others.
@@ -603,4 +603,7 @@ def _blocks(values: np.ndarray) -> np.ndarray:
 
 
 def _ranges(values: np.ndarray, count: int, tails: tuple[float, ...] = ()) -> np.ndarray:
-    return np.searchsorted(quantile_edges(values, count, tails), values, side='right')
+    """Return the range of each value, of `count` with equal numbers, and of the `tails`."""
+    ends = np.array(tails)
+    shares = np.concatenate((ends, np.linspace(0, 1, count + 1)[1:-1], 1.0 - ends))
+    return np.searchsorted(np.unique(np.quantile(values, shares)), values, side='right')

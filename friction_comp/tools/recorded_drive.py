@@ -162,32 +162,14 @@ def notes_on(recordings: Iterable[tuple[Samples, RecordingInfo]], idle: bool = F
 
 def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]) -> list[str]:
     """Return the units of tables that are taken for granted, with what tells against them."""
-    spans: dict[tuple[str, bool], float] = {}
-    steps: dict[tuple[str, bool], list[float]] = {}
+    read: dict[tuple[str, str], list[Samples]] = {}
     for samples, info in recordings:
         columns = [one for one in info.assumed if not (given.figures and 'N·m' in one)]
-        if not columns or len(samples) < 2:
-            continue
-        key = ', '.join(columns), info.linear
-        spans[key] = max(float(np.ptp(samples.position)), spans.get(key, 0.0))
-        steps.setdefault(key, []).append(samples.sample_time)
-    return [f'{columns} (position covers {span:.3g} {"m" if linear else "rad"}'
-            f'{"" if linear else _in_other_units(span)}; rows are '
-            f'{_between(steps[columns, linear])} ms apart); --unit gives others'
-            for (columns, linear), span in spans.items()]
-
-
-def _in_other_units(span: float) -> str:
-    """Return a range, rad, in turns, and what it is otherwise: a joint seldom turns so far."""
-    return f', {span / 6.2832:.2g} turns' + (
-        f', or {span / 57.296:.3g} rad if these are degrees, {6.2832 * span:.3g} if turns'
-        if span > 6.2832 else '')
-
-
-def _between(steps: list[float]) -> str:
-    """Return the least and the largest of times, s, in ms; one if they are about the same."""
-    least, largest = 1e3 * min(steps), 1e3 * max(steps)
-    return f'{least:.3g} to ' * (largest > 1.05 * least) + f'{largest:.3g}'
+        if columns and len(samples) > 1:
+            read.setdefault((', '.join(columns), 'm' if info.linear else 'rad'), []).append(samples)
+    return [f'{columns} (position covers {max(np.ptp(one.position) for one in own):.3g} {unit}; '
+            f'rows are {1e3 * own[0].sample_time:.3g} ms apart); --unit gives others'
+            for (columns, unit), own in read.items()]
 
 
 def _idle(given: Given, recorded: Sequence[Samples]) -> bool:
