@@ -322,13 +322,10 @@ def check_file(path: AnyPath) -> None:
 
 
 def file_names(names: Iterable[str]) -> list[str]:
-    """Return a different name of a file for each name of a joint or recording.
-
-    It is the name itself without slashes, which would name other folders.
-    """
+    """Return a different name of a file or folder for each name of a joint or recording."""
     files: list[str] = []
     for name in names:
-        file = name.strip('/').replace('/', '_')
+        file = re.sub(r'[^\w.-]', '_', name.strip('/')).lstrip('.') or '_'
         while file in files:
             file += '_'
         files.append(file)

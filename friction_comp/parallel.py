@@ -16,7 +16,6 @@ import functools
 import multiprocessing
 from multiprocessing.connection import Connection
 import os
-import re
 import signal
 import threading
 from typing import Any, cast, TypeVar
@@ -158,10 +157,6 @@ def runner_on_cluster(address: str) -> Iterator[Runner]:
         from distributed import Client
     except ImportError:
         raise InputError("--scheduler needs Dask: pip install 'friction_comp[fleet]'") from None
-    # Dask's client of an address without a port tries to end for 20 s, and prints a traceback.
-    if not re.fullmatch(r'(?!tcp://)\w+://.+|(?:tcp://)?[^/]+:\d+', address):
-        raise InputError(f'--scheduler {address}: an address has a host and a port, for instance '
-                         'tcp://host:8786')
     try:
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:

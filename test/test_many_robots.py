@@ -282,7 +282,5 @@ def test_a_scheduler_that_does_not_answer_is_named(tmp_path, refuses, monkeypatc
     write_recording(tmp_path / 'day')
     for words, address, *each in (
             ('no Dask scheduler answers', 'tcp://127.0.0.1:1', '--each'),
-            ('an address has a host and a port', 'nonsense', '--each'),
-            ('an address has a host and a port', 'tcp://host', '--each'),
             ('--scheduler goes with --each', 'tcp://127.0.0.1:1')):
         refuses(words, 'refine', tmp_path / 'day', *each, '--scheduler', address)

@@ -31,12 +31,12 @@ def work_that_ends_a_worker_once(item):
     return number, os.getpid()
 
 
-def refined_where_first(arguments, with_page, item):
+def refined_where_first(arguments, item):
     """Refine the first recording; never finish with another."""
     if item.piece.path.name != 'day_0':
         threading.Event().wait()
     from friction_comp.tools.refine_forms import _refine_one
-    return _refine_one(arguments, with_page, item)
+    return _refine_one(arguments, item)
 
 
 if __name__ == '__main__':

@@ -23,7 +23,7 @@ from friction_comp.control import joint_states
 from friction_comp.control.watchdog import Watchdog
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.files import check_folder, file_names, to_yaml
+from friction_comp.files import check_folder, file_names
 from friction_comp.identification import goal as goals
 from friction_comp.identification.goal import IdentificationGoal, TrajectoryGoal
 from friction_comp.identification.run import IdentificationRun, TrajectoryRun
@@ -166,13 +166,7 @@ class IdentificationNode(Node):
                               self._carried.effects[index], before.arm)
         path = (Path(self._settings['output_folder'])
                 / f'{file_names(self._joints)[index]}.yaml').absolute()
-        try:
-            model.save(path)
-        except InputError as error:
-            # The measurement takes minutes: its model is kept where it can be copied from.
-            self.get_logger().error(f'the model of {joint}:\n{to_yaml(model.to_dict())}')
-            raise InputError(f'{error}. The result has what was measured, and the log of the node '
-                             'identification the whole model file') from None
+        model.save(path)
         result.model_file = str(path)
         return '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 

@@ -62,9 +62,8 @@ def each_page(content: dict[str, Any], populations: Sequence[Population] = ()) -
         page.table(
             ['recording', *['joint'] * (len(joints) > 1), 'verdict', f'before ({unit})',
              f'after ({unit})', 'found'],
-            [[Link(row['folder'], f"{row['folder']}/report.html") if row['page']
-              else row['folder'], *[row['joint']] * (len(joints) > 1), row['verdict'],
-              row['before'], row['after'],
+            [[Link(row['folder'], f"{row['folder']}/report.html"),
+              *[row['joint']] * (len(joints) > 1), row['verdict'], row['before'], row['after'],
               effect_names(effect['name'] for effect in row['effects'])
               + ''.join(f'; depends on {name}, too' for name in row['unexplained'])]
              for row in own],

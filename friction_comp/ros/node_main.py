@@ -173,7 +173,7 @@ class StreamExecutor(executors.Executor):
             node, subscriptions = self._node, list(self._node.subscriptions)
             self._subscriptions = [
                 (entity, entity.handle, entity.msg_type, entity.raw, entity.callback,
-                 _takes_message_only(entity.callback)) for entity in subscriptions]
+                 _arguments(entity.callback) == 1) for entity in subscriptions]
             self._timers = list(node.timers)
             # The base class triggers its guard when the node's entities have changed.
             self._set = _StreamSet(node.context, self._guard, subscriptions, self._timers)
@@ -260,13 +260,9 @@ class StreamExecutor(executors.Executor):
                     _release(entity)
 
 
-def _takes_message_only(callback: Any) -> bool:
-    """Return whether a callback is called without the middleware's message info, as by rclpy."""
-    try:
-        inspect.signature(callback).bind(object())
-    except TypeError:
-        return False
-    return True
+def _arguments(callback: Any) -> int:
+    """Return how many arguments a callback needs: the message, and the middleware's info on it."""
+    return sum(one.default is one.empty for one in inspect.signature(callback).parameters.values())
 
 
 def _release(entity: Any) -> None:
@@ -317,7 +313,7 @@ def _run(make_node: Callable[[], Any], signals: _Signals) -> int:
         # What there is of it must be gone before the middleware.
         gc.collect()
         raise InputError(why)
-    stop_motor = getattr(node, 'stop_motor', _do_nothing)
+    stop_motor = getattr(node, 'stop_motor', lambda: None)
     signals.set_callback(stop_motor)
     executor = StreamExecutor(node)
     # The first line that rclpy logs looks for its caller through all modules, for 50 ms.
@@ -338,7 +334,7 @@ def _run(make_node: Callable[[], Any], signals: _Signals) -> int:
     finally:
         # First, so that zero is the last command also if leaving fails.
         stop_motor()
-        getattr(node, 'leave', _do_nothing)()
+        getattr(node, 'leave', lambda: None)()
         # Publish what leaving has caused, such as the result of an action.
         end = time.monotonic() + _FAREWELL * executor.has_coroutines
         for _ in range(_FINAL_SPINS):
@@ -374,7 +370,7 @@ class _Signals:
 
     def __init__(self) -> None:
         self.caught: list[int] = []
-        self._callback: Callable[[], None] = _do_nothing
+        self._callback: Callable[[], None] = lambda: None
         for signum in (*ENDING, *STOPPING):
             signal.signal(signum, lambda signum, _: self.caught.append(signum))
         end, begin = os.pipe()
@@ -395,6 +391,3 @@ class _Signals:
             self._arrived = True
             self._callback()
 
-
-def _do_nothing() -> None:
-    """Do nothing."""

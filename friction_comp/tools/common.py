@@ -10,25 +10,17 @@ from __future__ import annotations
 
 import argparse
 from argparse import Namespace
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 import inspect
 from pathlib import Path
-import re
 import shlex
 import sys
 from typing import Any, NoReturn, TYPE_CHECKING, TypeVar
 
 from friction_comp.errors import check_number, check_whole_number, InputError
-from friction_comp.files import (
-    check_file,
-    check_folder,
-    encodable,
-    file_names,
-    output_folder,
-    write_report,
-)
+from friction_comp.files import check_file, check_folder, encodable, output_folder, write_report
 from friction_comp.tables.columns import Column, Layout, without_time
 from friction_comp.tables.table_files import is_table, Table
 from friction_comp.tools.recorded_drive import Given
@@ -177,29 +169,12 @@ def _gain(text: str | None) -> float | str | None:
     return text
 
 
-def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
-    """Raise InputError for tables that cannot be used, before anything slow is imported.
-
-    Returns velocity and effort if the only recording is a table of steady states.
-    """
-    from friction_comp.recordings.reader import find_recordings
-    from friction_comp.tables.table_recording import TableRecording
-
-    layout = layout_of(arguments)
-    recordings = find_recordings(arguments.recordings)
-    for path in recordings:
-        if is_table(path) and not path.is_dir():
-            means = without_time(Table(path).names, layout, path) if len(recordings) == 1 else None
-            if means:
-                return means
-            TableRecording(path, layout)
-    return None
-
-
-def folder_names(names: Iterable[str]) -> list[str]:
-    """Return a different name of a folder for each name of a joint or recording."""
-    return file_names(re.sub(r'[^\w./-]', '_', name).strip('/').lstrip('.') or '_'
-                      for name in names)
+def steady_states(arguments: Namespace) -> tuple[Column, Column] | None:
+    """Return velocity and effort if the only recording is a table of steady states, else None."""
+    path, *others = arguments.recordings
+    if others or not is_table(path) or path.is_dir():
+        return None
+    return without_time(Table(path).names, layout_of(arguments), path)
 
 
 def write_results(arguments: Namespace, content: dict[str, Any], page: Any,

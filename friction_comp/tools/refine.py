@@ -11,9 +11,9 @@ from friction_comp.tables.columns import parse_unit, unit_of
 from friction_comp.terminal import in_own_units, progress
 from friction_comp.tools.common import (
     Arguments,
-    check_tables,
     given_of,
     positive,
+    steady_states,
     whole_number,
     write_results,
 )
@@ -47,7 +47,7 @@ def refine(argv: list[str] | None = None) -> int:
     if arguments.scheduler and (arguments.jobs or not arguments.each):
         raise InputError('--scheduler goes with --each, and without --jobs: Dask decides how many '
                          'recordings are refined at once')
-    means = check_tables(arguments)
+    means = steady_states(arguments)
     if means is not None:
         from friction_comp.tools.refine_forms import refine_table
 

@@ -20,15 +20,31 @@ import numpy as np
 from friction_comp.arm.fit import ArmResult, refine_arm
 from friction_comp.errors import errors_name, InputError
 from friction_comp.evaluation.fleet import fleet_json, NUMBERS, populations_of
-from friction_comp.files import encodable, output_folder, read_yaml, to_json, to_yaml, write_report
+from friction_comp.files import (
+    encodable,
+    file_names,
+    output_folder,
+    read_yaml,
+    to_json,
+    to_yaml,
+    write_report,
+)
 from friction_comp.identification.curves import fit_steady_states, SteadyStates
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import joints_of, write_arm
 from friction_comp.parallel import Failure, run_each, Runner, runner_on_cluster
 from friction_comp.recordings.reader import Piece, pieces_of, read_arm
 from friction_comp.refinement import Origin, thresholds
-from friction_comp.reports.other_pages import arm_page, steady_state_page, steady_state_rows
+from friction_comp.reports.other_pages import (
+    arm_page,
+    each_page,
+    fleet_verdict,
+    steady_state_page,
+    steady_state_rows,
+    verdict,
+)
 from friction_comp.reports.refinement_page import (
+    effect_names,
     next_steps,
     refinement_page,
     refusal,
@@ -41,7 +57,7 @@ from friction_comp.statistics import rms
 from friction_comp.tables.columns import Column, read_name
 from friction_comp.tables.table_files import Table
 from friction_comp.terminal import in_own_units, number, progress
-from friction_comp.tools.common import folder_names, given_of, layout_of, write_results
+from friction_comp.tools.common import given_of, layout_of, write_results
 from friction_comp.tools.recorded_drive import (
     assumed_in,
     drive_of,
@@ -231,7 +247,7 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
 def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespace) -> None:
     """Write the files of each joint, and those of the whole arm."""
     reports = {name: one.report.content() for name, one in result.results.items()}
-    folders = dict(zip(reports, folder_names(reports)))
+    folders = dict(zip(reports, file_names(reports)))
     for name, one in result.results.items():
         (folder / folders[name]).mkdir(exist_ok=True)
         write_report(folder / folders[name], reports[name], refinement_page(
@@ -241,10 +257,6 @@ def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespa
              'joints': reports}
     write_report(folder, whole, arm_page(result, names, folders), arguments.command)
     write_arm(folder / 'model.yaml', {name: one.model for name, one in result.results.items()})
-
-
-# Most recordings that get a page each: nobody reads a hundred; refine makes that of any one.
-MOST_PAGES = 20
 
 
 @dataclass(frozen=True)
@@ -266,9 +278,6 @@ def refine_each(arguments: Namespace) -> int:
     """
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
-    from friction_comp.reports.other_pages import each_page, fleet_verdict, verdict
-    from friction_comp.reports.refinement_page import effect_names
-
     begin = time.monotonic()
     with progress('reading') as show:
         pieces, failures = pieces_of(arguments.recordings, arguments.joint, layout_of(arguments))
@@ -284,13 +293,12 @@ def refine_each(arguments: Namespace) -> int:
             'seconds': time.monotonic() - begin}
         files = {'fleet.json': fleet_json(populations)} if populations else {}
         write_results(arguments, content, each_page(content, populations), files=files)
-    lines = [verdict(content), *map(fleet_verdict, populations)]
-    if len(done) <= MOST_PAGES:
-        lines += [f"{row['folder']}: {number(row['before'])} → {number(row['after'])} "
-                  f"{row['unit']}, {row['verdict']}; found: "
-                  + effect_names(effect['name'] for effect in row['effects'])
-                  for row in content['recordings']]
-    lines += [f'left out: {reason}' for reason in content['failed']]
+    lines = [
+        verdict(content), *map(fleet_verdict, populations),
+        *(f"{row['folder']}: {number(row['before'])} → {number(row['after'])} {row['unit']}, "
+          f"{row['verdict']}; found: {effect_names(effect['name'] for effect in row['effects'])}"
+          for row in content['recordings']),
+        *(f'left out: {reason}' for reason in content['failed'])]
     print(*(line.replace('**', '') for line in lines), arguments.output / 'report.html', sep='\n')
     return 0
 
@@ -312,7 +320,7 @@ def _items(pieces: Sequence[Piece]) -> list[_Item]:
     above = os.path.commonpath([path.parent for path in paths]) if paths else ''
     places = [path.relative_to(above).with_suffix('').parts for path in paths]
     joints = Counter(piece.path for piece in pieces)
-    folders = folder_names(
+    folders = file_names(
         '_'.join(place) + (f'_{piece.joint}' if joints[piece.path] > 1 else '')
         for piece, place in zip(pieces, places))
     return [_Item(piece, place[0], folder)
@@ -324,7 +332,7 @@ def _refine(arguments: Namespace, items: Sequence[_Item], run: Runner, show: Cal
     """Refine items and write their folders; return their rows, by folder, and faults."""
     # The names of all recordings need not go to each process with each recording.
     own = Namespace(**{**vars(arguments), 'recordings': []})
-    work: Callable[[_Item], Any] = partial(_refine_one, own, len(items) <= MOST_PAGES)
+    work: Callable[[_Item], Any] = partial(_refine_one, own)
     done, failed = [], []
     with closing(run(work, items)) as outcomes:
         for count, (index, outcome) in enumerate(outcomes, 1):
@@ -342,20 +350,16 @@ def _refine(arguments: Namespace, items: Sequence[_Item], run: Runner, show: Cal
     return sorted(done, key=lambda row: row['folder']), failed
 
 
-def _refine_one(arguments: Namespace, with_page: bool, item: _Item
-                ) -> tuple[dict[str, Any], dict[str, str]]:
+def _refine_one(arguments: Namespace, item: _Item) -> tuple[dict[str, Any], dict[str, str]]:
     """Refine a joint of a recording; return its row of the page on all, and its files."""
     begin, piece = time.monotonic(), item.piece
     result = refine_recordings(replace(given_of(arguments), joint=piece.joint), [piece.path])
     report = result.content()
-    files = {'report.json': to_json(report), 'model.yaml': to_yaml(result.model.to_dict())}
     friction, intervals = report['friction'], report['friction']['intervals']
-    if with_page:
-        from friction_comp.reports.refinement_page import refinement_page
-
-        page = refinement_page(result, [str(piece.path)], arguments.output / item.folder)
-        page.made_by(arguments.command)
-        files['report.html'] = page.html()
+    page = refinement_page(result, [str(piece.path)], arguments.output / item.folder)
+    page.made_by(arguments.command)
+    files = {'report.json': to_json(report), 'model.yaml': to_yaml(result.model.to_dict()),
+             'report.html': page.html()}
     row = {
         'joint': piece.joint or report['joint'], 'unit': report['unit'],
         'samples': report['samples'], 'verdict': report['verdict'],
@@ -366,5 +370,5 @@ def _refine_one(arguments: Namespace, with_page: bool, item: _Item
         'effects': [{'name': effect['name'], 'variable': effect['variable']}
                     for effect in report['effects']],
         'unexplained': [entry['variable'] for entry in report['unexplained']],
-        'page': with_page, 'seconds': time.monotonic() - begin}
+        'seconds': time.monotonic() - begin}
     return row, files
