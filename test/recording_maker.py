@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, Reader, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.recordings import RecordingWriter, write_samples
-from friction_comp.recordings.scan import Storage
 from friction_comp.samples import Samples
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -100,10 +99,10 @@ def record_with_diagnostics(path, samples, changes):
     write_samples(draft, samples)
     kind = 'diagnostic_msgs/msg/DiagnosticArray'
     types = STORE.types
-    with RecordingWriter(path) as recording:
+    with Reader(draft) as reader, RecordingWriter(path) as recording:
         said = 0
-        for topic, name, when, payload in Storage(draft).messages(lambda *_: True):
-            recording.write(topic, name, when, payload)
+        for connection, when, payload in reader.messages():
+            recording.write(connection.topic, connection.msgtype, when, bytes(payload))
             second = when // 1_000_000_000
             active = [pair for since, pair in changes if second - 1 >= since]
             if second > said and active:

@@ -17,7 +17,6 @@ from rclpy.serialization import serialize_message
 from ros_system import joint_state, own_domain, probe_node, value_of
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
-import yaml
 
 from friction_comp.recordings import find_recordings, read_recording_with_info
 from friction_comp.ros import dated_topics
@@ -108,12 +107,6 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
     if info.topics['/current_command'][1] != commands:
         assert any('lost' in note and 'current_command' in note for note in info.notes)
     assert not any('lost' in note and 'joint_states' in note for note in info.notes)
-    about = yaml.safe_load((folder / 'metadata.yaml').read_text())[
-        'rosbag2_bagfile_information']
-    offered = {topic['topic_metadata']['name']: topic['topic_metadata']['offered_qos_profiles'][0]
-               for topic in about['topics_with_message_count']}
-    assert offered['/direction']['durability'] == 'transient_local'
-    assert offered['/current_command']['reliability'] == 'best_effort'
 
 
 def spoilt(message, seconds, nanoseconds):

@@ -66,8 +66,7 @@ def in_this_process(kind, parameters):
      'command_interface: must be one of current, effort'),
     (ExerciseNode, {'announcement': 3.0, 'standstill': 1.0}, 'announcement'),
     (DirectionNode, {'source': 'sensor'}, 'sensor_range must be'),
-    (RecorderNode, {'output': 'taken'}, 'taken'),
-    (RecorderNode, {'compression': 'squeeze'}, 'squeeze')])
+    (RecorderNode, {'output': 'taken'}, 'taken')])
 def test_says_what_it_cannot_use(domain, tmp_path, monkeypatch, kind, parameters, words):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'odd.yaml').write_text(ODD_EFFECT)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -103,7 +104,7 @@ def held_rows(position: np.ndarray) -> int:
 
 # Samples.
 
-def moves(position: np.ndarray) -> bool:
+def _moves(position: np.ndarray) -> bool:
     """Return whether a joint moved by more than 0.01 rad or m; positions, (N,), may be NaN."""
     position = position[np.isfinite(position)]
     return len(position) > 0 and bool(np.ptp(position) > 0.01)
@@ -118,11 +119,16 @@ def usable(position: np.ndarray, current: np.ndarray, velocity: np.ndarray | Non
     return rows & np.isfinite(velocity), velocity
 
 
-def tidied(samples: Samples, notes: list[str]) -> tuple[Samples, np.ndarray]:
+def checked(samples: Samples, notes: list[str], where: object, others: Iterable[np.ndarray] = ()
+            ) -> tuple[Samples, np.ndarray]:
     """Return the samples that were measured, with turns added, and their indices; notes say more.
 
     Where a logger repeats a position over several rows, only new ones are used; during rests, rows
     at the same rate. A velocity that was computed from row to row tells no more than the position.
+
+    Raises InputError, with the name `where` of the recording, if they are physically impossible:
+    results would look valid. Where no position of `others` moved, the weight depends on the
+    position alone, and the motor's mean power must be positive.
     """
     rows = np.arange(len(samples))
     if (held := held_rows(samples.position)) > 1:
@@ -152,21 +158,12 @@ def tidied(samples: Samples, notes: list[str]) -> tuple[Samples, np.ndarray]:
         notes.append(f'position wraps around {np.count_nonzero(np.diff(turns))} times: turns are '
                      'added')
         samples = samples.with_(position=samples.position + 2.0 * np.pi * turns)
-    return samples, rows
-
-
-def check_plausible(samples: Samples, where: object, alone: bool = True) -> None:
-    """Raise InputError if samples are physically impossible; `where` names the recording.
-
-    Results from such recordings would look valid. `alone` says that no other joint of the recording
-    moved: then the weight depends on the position alone, and the motor's mean power must be
-    positive.
-    """
     fault, velocity = impossible(samples), samples.velocity
     # Some drivers publish zeros where they measure no velocity.
     if not fault and velocity is not None and velocity.any():
         agreement = velocity_agreement(samples.time, samples.position, velocity)
         fault = agreement.cause and agreement.fault + (
             ' (--unit says it, such as velocity=deg/s, velocity=turn/s or position=turn)')
-    if fault := fault or wrong_sign(samples, alone):
+    if fault := fault or wrong_sign(samples, not any(map(_moves, others))):
         raise InputError(f'{where}: ' + f'joint {samples.joint!r}: ' * bool(samples.joint) + fault)
+    return samples, rows

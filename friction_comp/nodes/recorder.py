@@ -31,10 +31,8 @@ class RecorderNode(Node):
         self._rate, self._counts = Rate(), dict.fromkeys(RECORDED, 0)
         # No more messages are written, and why, if something went wrong.
         self._ended, self._failed = False, ''
-        self._writer = RecordingWriter(
-            output, {'recorded_by': 'friction_comp recorder',
-                     **({'model_file': model} if model else {})},
-            settings['compression'])
+        self._writer = RecordingWriter(output, {
+            'recorded_by': 'friction_comp recorder', **({'model_file': model} if model else {})})
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
         steady_timer(self, 0.25, self._flush)
@@ -56,15 +54,11 @@ class RecorderNode(Node):
     def _write(self, topic: str, stamp: int, cdr: bytes) -> None:
         if self._ended:
             return
-        source, kind = self._topics[topic], RECORDED[topic]
-        if not self._counts[topic]:
-            # Its publishers are known now.
-            self._writer.add_topic(source.name, kind, source.offered())
         self._counts[topic] += 1
         self._rate.count += 1
         with self._note_failure():
             # With the resolved name, so that namespaces and remappings are kept in playback.
-            self._writer.write(source.name, kind, stamp, cdr)
+            self._writer.write(self._topics[topic].name, RECORDED[topic], stamp, cdr)
 
     def _describe_lost(self) -> str:
         return ', '.join(f'{topic.lost} {name}' for name, topic in self._topics.items()

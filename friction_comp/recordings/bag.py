@@ -15,7 +15,7 @@ import numpy as np
 
 from friction_comp.errors import InputError, one_of
 from friction_comp.facts.motion import at_times
-from friction_comp.facts.recorded import check_plausible, moves, tidied, usable
+from friction_comp.facts.recorded import checked, usable
 from friction_comp.messages import NANO, TOPICS, TORQUE_UNIT
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.samples import HOLE, RecordingInfo, Samples
@@ -28,11 +28,10 @@ _FAR_OFF = NANO
 # With so many successive messages of earlier stamps, the clock was set back; fewer are out of
 # order.
 _SET_BACK = 20
-# Topics that are interpolated, and the signals in their columns.
+# Signals of topics that are interpolated.
 _INTERPOLATED = {
     'reference': ('reference_position', 'reference_velocity'),
-    'interaction_wrench': ('load',), 'motor_temperature': ('temperature',),
-}
+    'interaction_wrench': ('load',), 'motor_temperature': ('temperature',)}
 
 
 class Bag(Scan):
@@ -41,7 +40,7 @@ class Bag(Scan):
     def __init__(self, path: Path, joint: str | None = None,
                  units: Mapping[str, Unit] | None = None, first: float = math.inf) -> None:
         super().__init__(path, joint, first)
-        self.path, units = path, units or {}
+        units = units or {}
         factors = [units[signal].factor if signal in units else 1.0 for signal in STATES]
         self.tracks = [replace(track, values={
             name: values * factors for name, values in track.values.items()})
@@ -144,14 +143,13 @@ class Bag(Scan):
         base = _States(stamp[order], track.receive[order], bool(track.stamp.any()), info.notes)
         info.activity = [(float(base.clock(report.time) - origin) * 1e-9, report.of(joint))
                          for report in self.activity]
-        samples, kept = tidied(Samples(
+        samples, kept = checked(Samples(
             info.stamps[order], position[order], effort[order] / per_current,
             velocity=None if velocity is None else velocity[order], joint=joint,
-            **self._other_signals(track, key, base, per_current)), info.notes)
+            **self._other_signals(track, key, base, per_current)), info.notes, self.path, (
+                values[:, 0] for other in self._of('joint_states')
+                for values in other.values.values() if values is not own))
         info.rows = order[kept]
-        check_plausible(samples, self.path, not any(
-            moves(values[:, 0]) for other in self._of('joint_states')
-            for values in other.values.values() if values is not own))
         return samples, info
 
     def _other_signals(self, states: Track, key: str, base: _States, torque_per_current: float
@@ -162,10 +160,10 @@ class Bag(Scan):
         """
         signals: dict[str, Any] = {}
         for topic, names in _INTERPOLATED.items():
-            track = _with_joint(self._of(topic, states.topic), states, key, base.notes)
-            for column, name in enumerate(names if track else ()):
-                assert track is not None
-                values = _of_joint(track, key)[:, column]
+            found = _of_joint(self._of(topic, states.topic), states, key, base.notes)
+            for column, name in enumerate(names if found else ()):
+                assert found is not None
+                track, values = found[0], found[1][:, column]
                 if not np.isfinite(values).any() and len(names) > 1:
                     continue
                 # Across a hole, nothing is known of the torque of a person.
@@ -173,14 +171,14 @@ class Bag(Scan):
                     track, values, HOLE if name == 'load' else np.inf,
                     2.0 * np.pi if name == 'reference_position' else 0.0)
                 unknown = np.count_nonzero(np.isnan(signals[name]))
-                if 2 * unknown > len(base.stamp):
+                if few := bool(2 * unknown > len(base.stamp)):
                     signals[name] = None
-                    base.notes.append(f'{track.topic}: its {np.count_nonzero(np.isfinite(values))} '
-                                      'values cover less than half of the recording: not used')
                 # Before and after an exercise there is no reference.
-                elif topic != 'reference' and unknown:
-                    base.notes.append(f'{track.topic}: has gaps, begins later or ends earlier than '
-                                      f'the joint states: {name} is not known at {unknown} of them')
+                if few or (unknown and topic != 'reference'):
+                    base.notes.append(
+                        f'{track.topic}: has gaps, begins later or ends earlier than the joint '
+                        f'states: {name} is not known at {unknown} of them'
+                        + ', and not used' * few)
         # Arrays have no joint names: their order is what the node that commands reports, else that
         # of the reference, else that of the joint states.
         orders = [*(report.joints.split(', ') for report in self.activity if report.joints),
@@ -189,18 +187,17 @@ class Bag(Scan):
         command, plain = (
             _of_array(self._of(topic, states.topic), key, orders, base.notes, unit)
             for topic, unit in (('current_command', torque_per_current), ('direction', 1.0)))
-        if command is not None:
+        if command:
             signals['command'], _ = base.hold(*command)
             # A compensator answers every joint state.
             if self.activity:
                 signals['command'][base.silent(*command)] = np.nan
-        directions = []
-        if plain is not None:
-            # Like the compensator, take any other value as 0.
-            directions.append((plain[0], np.where(np.isin(plain[1], (-1.0, 1.0)), plain[1], 0.0)))
-        stamped = _with_joint(self._of('direction_stamped', states.topic), states, key, base.notes)
-        if stamped is not None:
-            directions.append((stamped, np.sign(_of_joint(stamped, key)[:, 1])))
+        # Like the compensator, take any other value as 0.
+        directions = [(plain[0], np.where(np.isin(plain[1], (-1.0, 1.0)), plain[1], 0.0))
+                      ] if plain else []
+        if stamped := _of_joint(self._of('direction_stamped', states.topic), states, key,
+                                base.notes):
+            directions.append((stamped[0], np.sign(stamped[1][:, 1])))
         if directions:
             # The topics may have different clocks, so ages are compared instead of times.
             latest, ages = zip(*(base.hold(*one) for one in directions))
@@ -245,14 +242,10 @@ class _States:
         receive = track.receive
         if not self._stamped or not track.stamp.any():
             return self.receive, receive
-        ahead = track.stamp - self.clock(receive)
-        together = (receive >= self.receive[0]) & (receive <= self.receive[-1])
-        low, middle, high = np.quantile(
-            ahead[together] if together.any() else 0.0, (0.1, 0.5, 0.9))
-        # Without times of receipt, this varies as much as the times.
-        if abs(middle) <= _FAR_OFF or high - low > _FAR_OFF:
+        ahead = float(np.median(track.stamp - self.clock(receive)))
+        if abs(ahead) <= _FAR_OFF:
             return self.stamp, track.stamp
-        note = (f'{track.topic}: its stamps are {abs(middle) / NANO:.2g} s off those of the joint '
+        note = (f'{track.topic}: its stamps are {abs(ahead) / NANO:.2g} s off those of the joint '
                 'states, of another clock: receive times are used')
         self.notes += [note] if note not in self.notes else []
         return self.receive, receive
@@ -288,25 +281,20 @@ class _States:
                         hole, turn)
 
 
-def _with_joint(tracks: list[Track], states: Track, key: str, notes: list[str]) -> Track | None:
-    """Return the track with values of a joint, if any; notes say what is assumed."""
+def _of_joint(tracks: list[Track], states: Track, key: str, notes: list[str]
+              ) -> tuple[Track, np.ndarray] | None:
+    """Return the track and the values of a joint, if any; notes say what is assumed."""
     for track in tracks:
         if key in track.values:
-            return track
+            return track, track.values[key]
+    named = ', '.join(repr(name) for track in tracks[:1] for name in track.values)
     if len(tracks) == 1 and len(tracks[0].values) == len(states.values) == 1:
         # A single sensor belongs to a single joint, whatever its frame.
-        if name := next(iter(tracks[0].values)):
-            notes.append(f'{tracks[0].topic} of {name!r} is taken to be that of {key!r}')
-        return tracks[0]
-    if tracks:
-        named = ', '.join(repr(name) for name in tracks[0].values)
-        notes.append(f'{tracks[0].topic} is of {named}, not of joint {key!r}: its frame_id or '
-                     'names say of which joint it is')
+        notes += [f'{tracks[0].topic} of {named} is taken to be that of {key!r}'] * (named != "''")
+        return tracks[0], next(iter(tracks[0].values.values()))
+    notes += [f'{track.topic} is of {named}, not of joint {key!r}: its frame_id or names say of '
+              'which joint it is' for track in tracks[:1]]
     return None
-
-
-def _of_joint(track: Track, key: str) -> np.ndarray:
-    return track.values.get(key, next(iter(track.values.values())))
 
 
 def _of_array(tracks: list[Track], key: str, orders: list[list[str]], notes: list[str],

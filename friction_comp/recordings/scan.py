@@ -13,7 +13,7 @@ places. It is found once, and the numbers of all that share it are taken at once
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 import io
@@ -39,10 +39,9 @@ from friction_comp.messages import NANO, TOPICS, TORQUE_UNIT
 from friction_comp.recordings import BAGS, METADATA
 from friction_comp.tables.columns import STATES
 
-# Files.
+# Files: topic, time of receipt in ns and content of messages that a scan wants; all are counted.
 
-Message = tuple[str, str, int, bytes]
-Wanted = Callable[[str, str], bool]
+_Messages = Iterator[tuple[str, int, bytes]]
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
 _MAGIC = b'\x89MCAP0\r\n'
@@ -52,83 +51,10 @@ _RECORD, _MESSAGE = struct.Struct('<BQ'), struct.Struct('<HIqq')
 _LARGEST_CHUNK, _LARGEST_MESSAGE = 500_000_000, 1_000_000
 
 
-class Storage:
-    """Reads the messages of a rosbag2 folder or a single file; raises InputError if unreadable."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        # Message type and number of messages of each topic, and notes on missing or damaged parts;
-        # all are complete after `messages` has ended.
-        self.kinds: dict[str, str] = {}
-        self.counts = Counter[str]()
-        self.notes: list[str] = []
-        self.custom: dict[str, str] = {}    # custom_data of the metadata
-        self.files = [path] if path.is_file() else self._list_files()
-
-    def messages(self, wanted: Wanted) -> Generator[Message, None, None]:
-        """Yield (topic, type, receive time in ns, payload) of the messages of all files.
-
-        Only messages for which `wanted(topic, type)` is true are yielded; all are counted. Raises
-        InputError if there are none at all before the first damage, or those wanted are not CDR.
-        """
-        failed = []
-        for file in self.files:
-            before = self.counts.total()
-            try:
-                with unpacked_file(file) as plain:
-                    yield from _READERS[plain.suffix](self, plain, wanted)
-            # What is damaged may raise anything.
-            except Exception as error:
-                damage = 'damaged or not finished: ' + (
-                    'a part of it is missing' if isinstance(error, (LookupError, struct.error))
-                    else one_line(error))
-                if count := self.counts.total() - before:
-                    self.notes.append(f'{file.name}: {damage}: {count} messages before that were '
-                                      'read')
-                else:
-                    failed.append(f'{file.name}: {damage}')
-        if len(failed) == len(self.files):
-            raise unreadable(self.path, '; '.join(failed))
-        self.notes.extend(f'{reason}: this file is missing' for reason in failed)
-
-    def declare(self, topic: str, kind: str, wanted: Wanted, encoding: str) -> bool:
-        """Take note of a topic, and return whether its messages are wanted."""
-        self.kinds.setdefault(topic, kind)
-        if chosen := wanted(topic, kind):
-            if encoding not in ('cdr', ''):
-                raise ValueError(f'{topic} is not serialised as CDR')
-        return chosen
-
-    def _list_files(self) -> list[Path]:
-        """Return the files listed in the metadata, or else those in the folder."""
-        files = sorted((path for path in self.path.iterdir() if path.name.endswith(BAGS)),
-                       key=_by_numbers)
-        try:
-            about = read_yaml(self.path / METADATA)['rosbag2_bagfile_information']
-            # Only the names, in this folder: metadata must not point outside of it.
-            listed = [self.path / PurePath(name).name for name in about['relative_file_paths']]
-            self.custom = {key: value for key, value in (about.get('custom_data') or {}).items()
-                           if isinstance(key, str) and isinstance(value, str)}
-        except Exception as error:
-            if not files:
-                raise unreadable(self.path, f'{METADATA}: {one_line(error)}') from None
-            self.notes.append(f'{METADATA} is damaged: files are read in the order of their names')
-            return files
-        found = [path for path in listed if path.is_file()]
-        missing = ', '.join(path.name for path in listed if path not in found)
-        if not found:
-            raise unreadable(self.path, f'{METADATA} lists {missing or "a file"}, which is not '
-                             'here')
-        if missing:
-            self.notes.append(f'{len(listed) - len(found)} of its {len(listed)} files are missing: '
-                              f'{missing}')
-        return found
-
-
-def _read_mcap(storage: Storage, file: Path, wanted: Wanted) -> Iterator[Message]:
+def _read_mcap(scan: Scan, file: Path) -> _Messages:
     schemas: dict[int, str] = {}
-    # Topic and type by channel, and whether its messages are wanted.
-    channels: dict[int, tuple[str, str, bool]] = {}
+    # Topic of each channel, and whether its messages are wanted.
+    channels: dict[int, tuple[str, bool]] = {}
     with open_input(file) as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as whole:
         if whole[:len(_MAGIC)] != _MAGIC:
             raise ValueError('not an mcap file')
@@ -139,18 +65,17 @@ def _read_mcap(storage: Storage, file: Path, wanted: Wanted) -> Iterator[Message
                     (kind, packed)]:
                 if code == Opcode.MESSAGE:
                     number, _, receive, _ = _MESSAGE.unpack_from(content)
-                    topic, type_name, chosen = channels[number]
-                    storage.counts[topic] += 1
-                    if chosen:
-                        yield topic, type_name, receive, content[_MESSAGE.size:]
+                    topic, wanted = channels[number]
+                    scan.counts[topic] += 1
+                    if wanted:
+                        yield topic, receive, content[_MESSAGE.size:]
                 elif code == Opcode.SCHEMA:
                     schema = records.Schema.read(_stream(content))
                     schemas[schema.id] = schema.name
                 elif code == Opcode.CHANNEL:
                     own = records.Channel.read(_stream(content))
-                    type_name = schemas.get(own.schema_id, '')
-                    channels[own.id] = own.topic, type_name, storage.declare(
-                        own.topic, type_name, wanted, own.message_encoding)
+                    channels[own.id] = own.topic, scan.wants(
+                        own.topic, schemas.get(own.schema_id, ''), own.message_encoding)
     # Whoever wrote it was stopped between two chunks.
     raise LookupError
 
@@ -181,7 +106,7 @@ def _unpacked(content: bytes) -> bytes:
     return stream.read(size)
 
 
-def _read_sqlite(storage: Storage, file: Path, wanted: Wanted) -> Iterator[Message]:
+def _read_sqlite(scan: Scan, file: Path) -> _Messages:
     # Nothing is written beside it, unless it has a log that is not yet merged.
     logged = check_input(file).with_name(f'{file.name}-wal').exists()
     options = 'mode=ro' if logged else 'mode=ro&immutable=1'
@@ -192,23 +117,23 @@ def _read_sqlite(storage: Storage, file: Path, wanted: Wanted) -> Iterator[Messa
         if not all(str(stored.get(name)).startswith('CREATE TABLE')
                    for name in ('topics', 'messages')):
             raise ValueError('not a database of rosbag2')
-        topics = {key: (str(topic), str(kind), storage.declare(
-            str(topic), str(kind), wanted, encoding)) for key, topic, kind, encoding in
-            database.execute('SELECT id, name, type, serialization_format FROM topics ORDER BY id')}
+        topics = {key: (str(topic), scan.wants(str(topic), str(kind), encoding))
+                  for key, topic, kind, encoding in database.execute(
+                      'SELECT id, name, type, serialization_format FROM topics ORDER BY id')}
         for key, time, payload in database.execute(
                 'SELECT topic_id, timestamp, data FROM messages ORDER BY id'):
-            topic, kind, chosen = topics[key]
-            storage.counts[topic] += 1
-            if chosen:
-                yield topic, kind, int(time), bytes(payload)
+            topic, wanted = topics[key]
+            scan.counts[topic] += 1
+            if wanted:
+                yield topic, int(time), bytes(payload)
 
 
 _READERS = {'.mcap': _read_mcap, '.db3': _read_sqlite}
 
 
-def unreadable(path: Path, reason: str) -> InputError:
-    """Return the error for an unreadable recording."""
-    return InputError(f'{path}: not a readable recording: {reason}')
+def _by_numbers(path: Path) -> list[str | int]:
+    """Return a key that sorts names by their numbers, 2 before 10."""
+    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
 
 
 def unpack(payload: bytes) -> bytes:
@@ -217,11 +142,6 @@ def unpack(payload: bytes) -> bytes:
         with suppress(zstandard.ZstdError):
             return zstandard.ZstdDecompressor().stream_reader(payload).read(_LARGEST_MESSAGE)
     return payload
-
-
-def _by_numbers(path: Path) -> list[str | int]:
-    """Return a key that sorts names by their numbers, 2 before 10."""
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
 
 
 # Messages.
@@ -344,8 +264,7 @@ class _Reader:
     def __init__(self, topic: str, signal: str) -> None:
         self.topic, self.signal = topic, signal
         self.count = self.broken = self.numbers = 0     # messages, and numbers in them
-        self.width = {'joint_states': 3, 'direction_stamped': 3, 'reference': 3, _DYNAMIC: 5}.get(
-            signal, 1)
+        self.width = 5 if signal == _DYNAMIC else len(STATES)
         # Messages that wait to be decoded, and those that were: receipt, stamp and values.
         self._waiting: list[tuple[int, bytes]] = []
         self._parts: list[tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]] = []
@@ -426,23 +345,16 @@ class Activity:
     joints: str = ''    # joints of the model files, in the same order
     settings: str = ''  # of the law, where they are not the defaults
 
-    @property
-    def models(self) -> dict[str, str]:
-        """Model file of each joint; empty if they were not reported."""
-        joints, models = self.joints.split(', '), self.model.split(', ')
-        return dict(zip(joints, models)) if self.model and len(joints) == len(models) else {}
-
     def of(self, joint: str) -> Activity:
         """Return the activity with only the model file of one joint, where several are listed."""
-        return replace(self, model=self.models.get(joint, self.model))
+        joints, models = self.joints.split(', '), self.model.split(', ')
+        return replace(self, model=dict(zip(joints, models)).get(joint, self.model)) if (
+            self.model and len(joints) == len(models)) else self
 
 
-def _take_report(changes: list[Activity], time: int, raw: bytes, begin: int) -> None:
-    """Add to the `changes` of activity what a DiagnosticArray says that was received at `time`, ns.
-
-    A compensator's first report also applies to the time before it, back to `begin`, ns.
-    """
-    before, cdr = len(changes), _Cdr(raw)
+def _take_report(changes: list[Activity], time: int, raw: bytes) -> None:
+    """Add to the `changes` of activity what a DiagnosticArray says; `time` of receipt in ns."""
+    cdr = _Cdr(raw)
     cdr.place(4, 2)
     cdr.text()
     for _ in range(cdr.count()):
@@ -454,13 +366,9 @@ def _take_report(changes: list[Activity], time: int, raw: bytes, begin: int) -> 
         if activity and (last is None or replace(
                 activity, time=last.time, joints=last.joints) != last):
             changes.append(activity)
-    # It reports every second of real time, in which a simulation may advance by several.
-    if not before and changes and changes[0].time - begin < 10 * NANO and (
-            changes[0].state != 'identification'):
-        changes[0] = replace(changes[0], time=min(changes[0].time, begin))
 
 
-def _activity_of(name: str, hardware: str, values: Mapping[str, str], time: int,
+def _activity_of(name: str, hardware: str, values: dict[str, str], time: int,
                  last: Activity | None) -> Activity | None:
     """Return what a status of a compensator or of identification says, else None."""
     if 'identification' in name:
@@ -479,52 +387,110 @@ def _activity_of(name: str, hardware: str, values: Mapping[str, str], time: int,
 # A bag.
 
 class Scan:
-    """Raw contents of a bag; `joint` may name a topic of joint states of any name.
+    """Raw contents of a rosbag2 folder or a file; `joint` may name a topic of any joint states.
 
     Only the beginning is read until there are `first` joint states, or more than the memory takes.
-    Raises InputError if it cannot be read.
+    Raises InputError if there is no message before the first damage, or those wanted are not CDR.
     """
 
     def __init__(self, path: Path, joint: str | None = None, first: float = math.inf) -> None:
-        self.activity: list[Activity] = []
-        readers, begin, notes = dict[str, _Reader](), 0, list[str]()
-
-        def signal(topic: str, kind: str) -> str:
-            # By type and ending of the name; joint states may have any name if it is given.
-            named = kind == TOPICS['joint_states'] and (joint or '').startswith(f'{topic}/')
-            return next((signal for signal, wanted in _TYPES.items()
-                         if kind == wanted and topic.endswith(signal)), 'joint_states' * named)
-
-        with os_errors_name(path, 'cannot be read: '):
-            storage = Storage(path)
-            with closing(storage.messages(lambda topic, kind: kind == _DIAGNOSTICS or bool(
-                    signal(topic, kind)))) as messages:
-                for topic, kind, receive, raw in messages:
-                    begin = begin or receive
-                    if kind == _DIAGNOSTICS:
-                        # A broken message may raise anything.
-                        with suppress(Exception):
-                            _take_report(self.activity, receive, unpack(raw), begin)
-                        continue
-                    reader = readers.get(topic)
-                    if reader is None:
-                        reader = readers[topic] = _Reader(topic, signal(topic, kind))
-                    if reader.add(receive, raw) and reader.numbers > _MOST:
-                        notes.append('the recording is very long: only its first '
-                                     f'{(receive - begin) / NANO:.0f} s were read')
-                        break
-                    if reader.count >= first and reader.signal in ('joint_states', _DYNAMIC):
-                        break
+        self.path, self._joint, self._kinds = path, joint or '', dict[str, str]()
+        self.notes, self.activity = list[str](), list[Activity]()
+        self.counts = Counter[str]()    # messages of each topic
+        self.custom: dict[str, str] = {}    # custom_data of rosbag2's metadata
+        readers = dict[str, _Reader]()
+        with os_errors_name(path, 'cannot be read: '), closing(self._messages()) as messages:
+            for topic, receive, raw in messages:
+                if self._kinds[topic] == _DIAGNOSTICS:
+                    # A broken message may raise anything.
+                    with suppress(Exception):
+                        _take_report(self.activity, receive, unpack(raw))
+                    continue
+                reader = readers.get(topic)
+                if reader is None:
+                    reader = readers[topic] = _Reader(topic, self._signal(topic))
+                if reader.add(receive, raw) and reader.numbers > _MOST:
+                    self.notes.append('the recording is very long: only its beginning was read, '
+                                      f'{reader.count} messages of {topic}')
+                    break
+                if reader.count >= first and reader.signal in ('joint_states', _DYNAMIC):
+                    break
         self.tracks = [track for reader in readers.values() if (track := reader.track())]
-        self.custom = storage.custom    # custom_data of rosbag2's metadata
         # Message type and number of messages of each topic.
-        self.topics = {topic: (kind, storage.counts[topic])
-                       for topic, kind in storage.kinds.items()}
-        self.notes = storage.notes + notes + [
-            f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
-            f'{_MOST_NAMES} joints' for reader in readers.values() if reader.broken]
+        self.topics = {topic: (kind, self.counts[topic]) for topic, kind in self._kinds.items()}
+        self.notes += [f'{reader.broken} of the messages of {reader.topic} left out: broken, or '
+                       f'more than {_MOST_NAMES} joints' for reader in readers.values()
+                       if reader.broken]
+        # A compensator reports every second of real time, in which a simulation may advance by
+        # several; its first report also applies to the time before it.
+        begin = min((int(track.receive[0]) for track in self.tracks), default=0)
+        if self.activity and self.activity[0].state != 'identification' and (
+                0 < self.activity[0].time - begin < 10 * NANO):
+            self.activity[0] = replace(self.activity[0], time=begin)
         self.in_ampere = False  # whether efforts are in A
         self._use_dynamic()
+
+    def wants(self, topic: str, kind: str, encoding: str) -> bool:
+        """Take note of a topic, and return whether its messages are read."""
+        self._kinds.setdefault(topic, kind)
+        wanted = kind == _DIAGNOSTICS or bool(self._signal(topic))
+        if wanted and encoding not in ('cdr', ''):
+            raise ValueError(f'{topic} is not serialised as CDR')
+        return wanted
+
+    def _signal(self, topic: str) -> str:
+        """Return a topic's signal, '' for none: by type and ending, or by the joint's name."""
+        kind = self._kinds[topic]
+        named = kind == TOPICS['joint_states'] and self._joint.startswith(f'{topic}/')
+        return next((signal for signal, wanted in _TYPES.items()
+                     if kind == wanted and topic.endswith(signal)), 'joint_states' * named)
+
+    def _messages(self) -> Generator[tuple[str, int, bytes], None, None]:
+        """Yield the messages that are wanted of all files, up to the first damage of each."""
+        failed, files = [], [self.path] if self.path.is_file() else self._list_files()
+        for file in files:
+            before = self.counts.total()
+            try:
+                with unpacked_file(file) as plain:
+                    yield from _READERS[plain.suffix](self, plain)
+            # What is damaged may raise anything.
+            except Exception as error:
+                damage = f'{file.name}: damaged or not finished: ' + (
+                    'a part of it is missing' if isinstance(error, (LookupError, struct.error))
+                    else one_line(error))
+                if count := self.counts.total() - before:
+                    self.notes.append(f'{damage}: {count} messages before that were read')
+                else:
+                    failed.append(damage)
+        if len(failed) == len(files):
+            raise self._unreadable('; '.join(failed))
+        self.notes += [f'{reason}: this file is missing' for reason in failed]
+
+    def _list_files(self) -> list[Path]:
+        """Return the files listed in the metadata, or else those in the folder."""
+        files = sorted((path for path in self.path.iterdir() if path.name.endswith(BAGS)),
+                       key=_by_numbers)
+        try:
+            about = read_yaml(self.path / METADATA)['rosbag2_bagfile_information']
+            # Only the names, in this folder: metadata must not point outside of it.
+            listed = [self.path / PurePath(name).name for name in about['relative_file_paths']]
+            self.custom = {key: value for key, value in (about.get('custom_data') or {}).items()
+                           if isinstance(key, str) and isinstance(value, str)}
+        except Exception as error:
+            if not files:
+                raise self._unreadable(f'{METADATA}: {one_line(error)}') from None
+            self.notes.append(f'{METADATA} is damaged: files are read in the order of their names')
+            return files
+        if missing := [path.name for path in listed if not path.is_file()]:
+            self.notes.append(f'{len(missing)} of its {len(listed)} files are missing: '
+                              f'{", ".join(missing)}')
+        if len(missing) == len(listed):
+            raise self._unreadable(f'{METADATA} lists {", ".join(missing) or "a file"}, which is '
+                                   'not here')
+        return [path for path in listed if path.is_file()]
+
+    def _unreadable(self, reason: str) -> InputError:
+        return InputError(f'{self.path}: not a readable recording: {reason}')
 
     def _use_dynamic(self) -> None:
         """Replace joint states without effort by dynamic ones, if there are any."""

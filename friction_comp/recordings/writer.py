@@ -24,18 +24,12 @@ from friction_comp.messages import NANO, TOPICS
 from friction_comp.recordings import METADATA
 from friction_comp.samples import Samples
 
-Qos = dict[str, Any]
-# rosbag2's value of a duration that is not set.
+# The quality of service with which topics are played back, which any listener accepts; rosbag2's
+# value of a duration that is not set.
 _INFINITE = {'sec': 9223372036, 'nsec': 854775807}
-_COMPRESSIONS = {'none': CompressionType.NONE, 'storage': CompressionType.ZSTD}
-
-
-def qos_profile(reliability: str = 'reliable', durability: str = 'volatile') -> Qos:
-    """Return a publisher's quality of service as rosbag2's metadata store it."""
-    return {'history': 'keep_last', 'depth': 10, 'reliability': reliability,
-            'durability': durability, 'deadline': _INFINITE, 'lifespan': _INFINITE,
-            'liveliness': 'automatic', 'liveliness_lease_duration': _INFINITE,
-            'avoid_ros_namespace_conventions': False}
+_QOS = [{'history': 'keep_last', 'depth': 10, 'reliability': 'reliable', 'durability': 'volatile',
+         'deadline': _INFINITE, 'lifespan': _INFINITE, 'liveliness': 'automatic',
+         'liveliness_lease_duration': _INFINITE, 'avoid_ros_namespace_conventions': False}]
 
 
 class RecordingWriter:
@@ -45,16 +39,12 @@ class RecordingWriter:
     is called. If the process is killed, only messages after the last chunk are lost; a full disk
     loses nothing that was written. ``metadata.yaml`` exists from the beginning.
 
-    `custom_data`, of which ``model_file`` is the active model, is stored in metadata.yaml.
-    `compression` is 'none' or 'storage' (chunks inside the mcap file, with zstd). Raises InputError
-    if the folder `path` exists or cannot be created.
+    `custom_data`, of which ``model_file`` is the active model, is stored in metadata.yaml. Raises
+    InputError if the folder `path` exists or cannot be created.
     """
 
-    def __init__(self, path: AnyPath, custom_data: dict[str, str] | None = None,
-                 compression: str = 'none') -> None:
+    def __init__(self, path: AnyPath, custom_data: dict[str, str] | None = None) -> None:
         self.path = Path(path)
-        if compression not in _COMPRESSIONS:
-            raise InputError(f'compression must be none or storage, not {compression!r}')
         self.custom_data = dict(custom_data or {})
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: dict[str, _Topic] = {}
@@ -72,8 +62,7 @@ class RecordingWriter:
         self._thread = ThreadPoolExecutor(1)
         self._sync: Future[None] = self._thread.submit(lambda: None)
         self._is_kept = False   # whether messages are on the disk
-        self._mcap = Writer(self._file, enable_data_crcs=True,
-                            compression=_COMPRESSIONS[compression])
+        self._mcap = Writer(self._file, enable_data_crcs=True, compression=CompressionType.NONE)
         with self._closed_on_error():
             self._mcap.start(profile='ros2', library='friction_comp')
             self._save_metadata(sync=False)
@@ -89,10 +78,9 @@ class RecordingWriter:
             self.abort()
         return False
 
-    def add_topic(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> str:
+    def add_topic(self, topic: str, type_name: str) -> str:
         """Declare a topic, so that it is listed even without messages; return its absolute name.
 
-        `qos` are the profiles of its publishers, see `qos_profile`; rosbag2's default when empty.
         Raises InputError if it is not a message type of ROS 2 Jazzy.
         """
         name = topic if topic.startswith('/') else f'/{topic}'
@@ -103,10 +91,9 @@ class RecordingWriter:
                 definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
                 self._schemas[type_name] = self._mcap.register_schema(
                     type_name, 'ros2msg', definition.encode())
-            profiles = list(qos) or [qos_profile()]
-            self._topics[name] = _Topic(type_name, profiles, self._mcap.register_channel(
+            self._topics[name] = _Topic(type_name, self._mcap.register_channel(
                 name, 'cdr', self._schemas[type_name],
-                {'offered_qos_profiles': to_yaml(profiles).strip()}))
+                {'offered_qos_profiles': to_yaml(_QOS).strip()}))
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
@@ -148,8 +135,6 @@ class RecordingWriter:
             raise InputError(f'{self.path}: nothing was recorded, so nothing is written')
         self.flush()
         with self._closed_on_error():
-            self._mcap.add_metadata(
-                'rosbag2', {'serialized_metadata': to_yaml(self._metadata())})
             self._mcap.finish()
             self._file.flush()
             # A failed sync is reported once by the system.
@@ -189,7 +174,7 @@ class RecordingWriter:
             'topics_with_message_count': [{
                 'topic_metadata': {
                     'name': topic, 'type': own.kind, 'serialization_format': 'cdr',
-                    'offered_qos_profiles': own.qos,
+                    'offered_qos_profiles': _QOS,
                     'type_description_hash': self._types.hash_rihs01(own.kind)},
                 'message_count': own.count} for topic, own in self._topics.items()],
             'compression_format': '', 'compression_mode': '', 'files': [
@@ -205,21 +190,18 @@ class RecordingWriter:
 @dataclass
 class _Topic:
     kind: str
-    qos: list[Qos]
     channel: int
     count: int = 0  # of its messages
 
 
 def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
-                  torque_constant: float = 1.0, gear_ratio: float = 1.0, namespace: str = '',
-                  start_ns: int = NANO, custom_data: dict[str, str] | None = None
+                  torque_constant: float = 1.0, gear_ratio: float = 1.0, start_ns: int = NANO
                   ) -> None:
     """Write samples, one per joint, as a recording with the topics that the nodes publish.
 
     Several joints must share their time base; those without a name become ``joint_1`` and so on.
-    Effort is current · k_t · n, with k_t in N·m/A. `namespace` is the prefix of every topic, and
-    `start_ns` the stamp of time zero; the rest is as for `RecordingWriter`, but the recording is
-    whole or absent.
+    Effort is current · k_t · n, with k_t in N·m/A. `start_ns` is the stamp of time zero. The
+    recording is whole or absent; raises InputError as `RecordingWriter`.
     """
     joints = [samples] if isinstance(samples, Samples) else list(samples)
     if not joints:
@@ -230,12 +212,11 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
     if not 0.0 <= 1e-9 * start_ns <= last < 2.0 ** 31:
         raise InputError(f'{path}: a time of {last:g} s is beyond the stamps of ROS')
     store = get_typestore(Stores.ROS2_JAZZY)
-    prefix = f'/{namespace.strip("/")}'.rstrip('/')
-    with new_folder(Path(path)) as draft, RecordingWriter(draft, custom_data) as recording:
+    with new_folder(Path(path)) as draft, RecordingWriter(draft) as recording:
         for stamp, topic, fields in _messages(
                 store.types, joints, torque_constant * gear_ratio, start_ns):
             message = store.types[TOPICS[topic]](*fields)
-            recording.write(f'{prefix}/{topic}', TOPICS[topic], stamp,
+            recording.write(topic, TOPICS[topic], stamp,
                             bytes(store.serialize_cdr(message, TOPICS[topic])))
 
 
@@ -265,8 +246,7 @@ def _messages(types: dict[str, Any], joints: list[Samples], torque_per_current: 
         # The command, direction and reference that belong to a joint state precede it.
         if np.isfinite(command[k]).any():
             yield stamp, 'current_command', (layout, command[k])
-        # At every change and every tenth sample, similar to the about 100 Hz of a planner.
-        if direction.size and (k % 10 == 0 or (direction[k] != direction[k - 1]).any()):
+        if direction.size:
             yield stamp, 'direction', (layout, direction[k])
         if reference.size:
             yield stamp, 'reference', (
@@ -275,6 +255,6 @@ def _messages(types: dict[str, Any], joints: list[Samples], torque_per_current: 
             if each.load is not None:
                 yield stamp, 'interaction_wrench', (header(name), wrench(
                     vector(0.0, 0.0, 0.0), vector(0.0, 0.0, float(each.load[k]))))
-            if each.temperature is not None and k % 100 == 0:
+            if each.temperature is not None:
                 yield stamp, 'motor_temperature', (header(name), float(each.temperature[k]), 0.0)
         yield stamp, 'joint_states', (header(), names, position[k], velocity[k], effort[k])

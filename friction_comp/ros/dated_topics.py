@@ -21,7 +21,6 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.messages import NANO, TOPICS
-from friction_comp.recordings.writer import qos_profile
 from friction_comp.ros.ros_start import steady_timer
 
 STATES = 'joint_states'
@@ -91,19 +90,12 @@ class RecordedTopic:
     def check_publishers(self) -> None:
         """Subscribe with best effort if a publisher offers no more."""
         best_effort = ReliabilityPolicy.BEST_EFFORT
-        if self._reliability != best_effort and best_effort in {own for own, _ in self._offered()}:
+        if self._reliability != best_effort and any(
+                info.qos_profile.reliability == best_effort
+                for info in self._node.get_publishers_info_by_topic(self.name)):
             self.drain()
             self._node.destroy_subscription(self._subscription)
             self._subscribe(best_effort)
-
-    def _offered(self) -> set[tuple[ReliabilityPolicy, Any]]:
-        return {(info.qos_profile.reliability, info.qos_profile.durability)
-                for info in self._node.get_publishers_info_by_topic(self.name)}
-
-    def offered(self) -> list[dict[str, Any]]:
-        """Return the publishers' QoS for a recording; empty if unknown."""
-        return [qos_profile(reliability.name.lower(), durability.name.lower())
-                for reliability, durability in sorted(self._offered())]
 
     def drain(self) -> None:
         """Process all messages that have arrived."""

@@ -64,20 +64,17 @@ DIMENSIONS = {
     'reference_position': _ANGLE, 'reference_velocity': _RATE}
 """What each signal may measure; the first SI unit is its default. The order is that in which
 columns are listed, and of several columns for one thing that of the earlier signal is used."""
-_SI = {'time': 's', 'angle': 'rad', 'angle/time': 'rad/s', 'torque': 'N·m', 'force': 'N',
-       'current': 'A', 'temperature': '°C'}
-# Units to name where one is not known.
+# Units of each dimension to name where one is not known, the SI unit first.
 _EXAMPLES = {
     'time': 's, ms, µs, ns, min', 'angle': 'rad, mrad, deg, turn, counts/N (N per turn), m, mm, '
     'inch', 'angle/time': 'rad/s, deg/s, rpm, counts/N/s, m/s', 'torque': 'N·m, mN·m, N, kN, lbf',
     'current': 'A, mA', 'temperature': '°C'}
-OTHER_UNITS = {word: unit for unit, words in {
-    'V': 'v volt volts voltage', 'mV': 'mv', 'W': 'w watts', '%': '% percent pct',
-    '‰': '‰ permille', 'PWM': 'pwm', 'duty': 'duty', 'LSB': 'lsb', 'counts': 'count counts',
-    'ticks': 'tick ticks', 'pulses': 'pulse pulses', 'raw': 'raw', 'digits': 'digit digits',
-    'steps': 'step steps', 'p.u.': 'p.u. pu', 'a.u.': 'a.u. au', 'increments': 'inc increments'
-    }.items()
-    for word in words.split()}
+_SI = {signal: _EXAMPLES[dimensions[0]].split(',')[0] if dimensions else ''
+       for signal, dimensions in DIMENSIONS.items()}
+OTHER_UNITS = {word: words.split()[0] for words in (
+    'V volt volts voltage', 'mV', 'W watts', '% percent pct', '‰ permille', 'PWM', 'duty', 'LSB',
+    'counts count', 'ticks tick', 'pulses pulse', 'raw', 'digits digit', 'steps step', 'p.u. pu',
+    'a.u. au', 'increments inc') for word in words.lower().split()}
 """Words for units of a drive that are none of the package's: such an effort stays as it is."""
 
 
@@ -135,22 +132,6 @@ def unit_of(signal: str, text: str) -> Unit | None:
     return None
 
 
-def check_unit(signal: str, unit: str) -> None:
-    """Raise InputError if a signal cannot have a unit."""
-    if unit_of(signal, unit) or (signal == 'effort' and other_unit(unit)):
-        return
-    possible = ', '.join(_EXAMPLES[one] for one in DIMENSIONS[signal] if one in _EXAMPLES)
-    others = '; values in V, %, counts, PWM or another of a drive stay as they are'
-    raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible or "none"}, '
-                     'with a factor before them if needed, as in 2.69mA'
-                     + others * (signal == 'effort'))
-
-
-def si_unit(signal: str) -> str:
-    """Return the SI unit of a signal; '' if there is none."""
-    return _SI.get(next(iter(DIMENSIONS[signal]), ''), '')
-
-
 # Names.
 
 SIGNALS = tuple(DIMENSIONS)
@@ -160,7 +141,10 @@ STATES = ('position', 'velocity', 'effort')
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
 _MOST_NAMES = 200    # columns that a message lists
-_QUANTITIES = {word: quantity for quantity, words in {
+# What a word of a name says: a quantity; 'none' of the signals, though another word may be that of
+# one; where it is from; or nothing, except next to a number, as in joint_1. A torque from 'outside'
+# is applied, one 'behind' is measured behind the gear.
+_ROLES = {word: role for role, words in {
     'time': 'time times t timestamp timestamps stamp sec secs second seconds elapsed date datetime',
     'position': 'position positions pos q qpos angle angles ang theta phi displacement',
     'velocity': 'velocity velocities vel dq qd qdot qvel omega speed speeds dtheta',
@@ -168,23 +152,20 @@ _QUANTITIES = {word: quantity for quantity, words in {
     'current': 'current currents curr cur i iq amp amps',
     'direction': 'direction dir', 'load': 'load wrench',
     'temperature': 'temperature temperatures temp temps',
-    # No signals, though another word may be that of one.
-    '': 'ddq qdd acc acceleration accelerations accel error errors err limit limits max min peak '
-        'std variance gain constant kp ki kd kt power energy status mode bits duration dur bus '
-        'supply battery batt electrical elec'}.items() for word in words.split()}
-_SURELY = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'sensed'}
-_MEASURED = _SURELY | {'observed', 'observation', 'observations', 'obs', 'mean', 'avg', 'average',
-                       'read', 'real', 'applied', 'estimated', 'est', 'estimate'}
-_TARGET = {'target', 'reference', 'ref', 'desired', 'des', 'goal', 'command', 'commanded', 'cmd',
-           'setpoint', 'set', 'planned', 'action'}
-# A torque with one of these words is applied from outside, or measured behind the gear.
-_OUTSIDE = {'external', 'ext', 'interaction', 'sensor', 'person', 'human', 'hand', 'load'}
-_BEHIND = {'link', 'output'}
-# Words that say nothing, except next to a number: joint_1.
-_NEUTRAL = {'joint', 'joints', 'state', 'states', 'motor', 'motors', 'mot', 'rotor', 'robot', 'arm',
-            'actuator', 'servo', 'axis', 'drive', 'data', 'value', 'values', 'msg', 'filtered',
-            'filt', 'angular', 'shaft', 'encoder', 'field', 'header', 'id', 'in', 'log', 'unix',
-            'utc', 'ros', 'since', 'start', 'system', 'host', 'epoch'}
+    'none': 'ddq qdd acc acceleration accelerations accel error errors err limit limits max min '
+            'peak std variance gain constant kp ki kd kt power energy status mode bits duration '
+            'dur bus supply battery batt electrical elec',
+    'surely measured': 'actual act measured meas present feedback fb sensed',
+    'measured': 'observed observation observations obs mean avg average read real applied '
+                'estimated est estimate',
+    'target': 'target reference ref desired des goal setpoint set planned action',
+    'command': 'command commanded cmd',
+    'outside': 'external ext interaction sensor person human hand', 'behind': 'link output',
+    'nothing': 'joint joints state states motor motors mot rotor robot arm actuator servo axis '
+               'drive data value values msg filtered filt angular shaft encoder field header id in '
+               'log unix utc ros since start system host epoch'}.items() for word in words.split()}
+_QUANTITIES = {'time', 'position', 'velocity', 'effort', 'current', 'direction', 'load',
+               'temperature'}
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',
             'effort': 'command', 'current': 'command'}
 _OF_UNIT = {'time': 'time', 'angle': 'position', 'counts': 'position', 'angle/time': 'velocity',
@@ -200,11 +181,10 @@ _WORD, _CAMEL = re.compile(r'[^\W\d_]+|\d+'), re.compile(r'(?<=[a-z])(?=[A-Z])')
 _TOPIC = re.compile(r'^/?(.*/)?joint_states/')
 
 
-@dataclass(frozen=True)
-class Reading:
+class Reading(NamedTuple):
     """What the name of a column says."""
 
-    signal: str = ''        # one of units.DIMENSIONS, or '' if the name tells none
+    signal: str = ''        # one of `DIMENSIONS`, or '' if the name tells none
     key: tuple[str, ...] = ()   # identifies the joint among all spellings, () if there is none
     joint: str = ''         # as it is written
     unit: str = ''          # as written; '' if there is none
@@ -223,76 +203,71 @@ def read_name(name: str) -> Reading:
             bare, unit = bare[:match.start()], text
     words = _parts(bare)
     lower = [word.lower() for _, word in words]
+    roles = [_ROLES.get(word, '') for word in lower]
     if lower == ['d']:
         return Reading('direction')
-    found = [k for k, word in enumerate(lower) if word in _QUANTITIES]
+    if 'none' in roles:
+        return Reading(unit=unit)
+    found = [k for k, role in enumerate(roles) if role in _QUANTITIES]
     # In `i_q` the q is no position, in `RadPerSec` the second no time.
     telling = [k for k in found if not (lower[k] == 'q' and 'i' in lower)]
-    telling = [k for k in telling if _QUANTITIES[lower[k]] != 'time'] or telling
-    if any(_QUANTITIES[lower[k]] == '' for k in found):
-        return Reading(unit=unit)
-    quantity = _QUANTITIES[lower[telling[-1]]] if telling else ''
-    of_unit: set[int] = set()
+    telling = [k for k in telling if roles[k] != 'time'] or telling
+    quantity, of_unit = roles[telling[-1]] if telling else '', set[int]()
     if not unit:
-        unit, of_unit = _unit_in(words, set(telling), _signal(quantity, lower) if quantity else '')
+        unit, of_unit = _unit_in(words, set(telling), quantity and _signal(quantity, roles))
     if not quantity and (known := parse_unit(unit)):
         quantity = _OF_UNIT.get(known.dimension, '')
-    signal = _signal(quantity, lower)
-    special = _OUTSIDE if signal == 'load' else _BEHIND if signal in (
-        'link_torque', 'position', 'velocity') else set()
-    rest = [k for k, word in enumerate(lower) if k not in found and k not in of_unit
-            and word not in _MEASURED | _TARGET | special]
-    joint = [k for k in rest if lower[k] not in _NEUTRAL]
+    # So servos call their own load, which is no torque.
+    signal = _signal(quantity, roles) if (quantity, 'present' in lower) != ('load', True) else ''
+    said = {'surely measured', 'measured', 'target', 'command', 'outside' if signal == 'load' else
+            'behind' if signal in ('link_torque', 'position', 'velocity') else ''} - {''}
+    rest = [k for k, role in enumerate(roles)
+            if k not in found and k not in of_unit and role not in said]
+    joint = [k for k in rest if roles[k] != 'nothing']
     if signal == 'time':
         # A group says whose clock it is.
         plain = not joint or words[joint[-1]][0] < max(map(bare.rfind, '.:/'))
         return Reading('time' if plain else '', unit=unit)
     return Reading(signal, tuple(lower[k] for k in joint), _label(bare, words, rest, joint), unit,
-                   quantity in ('effort', 'load'), bool(_SURELY & {*lower}),
-                   bool(_TARGET & {*lower}))
+                   quantity in ('effort', 'load'), 'surely measured' in roles,
+                   'target' in roles or 'command' in roles)
 
 
-def _signal(quantity: str, words: list[str]) -> str:
-    """Return the signal of a quantity, '' for none, with the other words of a name."""
-    others = set(words)
-    if others & _TARGET:
+def _signal(quantity: str, roles: Sequence[str]) -> str:
+    """Return the signal of a quantity, '' for none, with the roles of a name's words."""
+    if 'target' in roles or 'command' in roles:
         # `reference` alone is the position, `command` alone the current.
-        return _TARGETS.get(quantity, '') if quantity else (
-            'command' if others & {'command', 'commanded', 'cmd'} else 'reference_position')
-    if quantity == 'effort' and others & _BEHIND:
-        return 'link_torque'
-    if quantity == 'load' and 'present' in others:
-        return ''   # so servos call their own, which is no torque
-    return 'load' if quantity == 'effort' and others & _OUTSIDE else quantity
+        return _TARGETS.get(quantity or ('current' if 'command' in roles else 'position'), '')
+    if quantity == 'effort':
+        return 'link_torque' if 'behind' in roles else (
+            'load' if 'outside' in roles or 'load' in roles else 'effort')
+    return quantity
 
 
 def _unit_in(words: list[tuple[int, str]], used: set[int], signal: str) -> tuple[str, set[int]]:
-    """Return the unit among the words of a name that the signal can have, and its places."""
-    lengths = any(words[k][1].lower() in _LENGTHS for k in used)
+    """Return the unit among the words of a name that the signal can have, and its places.
+
+    It is of one to three words: mA, rad s, N m, deg per s.
+    """
+    plain = [word for _, word in words]
+    lengths = any(plain[k].lower() in _LENGTHS for k in used)
     for size in (3, 2, 1):
-        for first in range(len(words) - size, -1, -1):
-            places = {*range(first, first + size)}
-            text = '' if places & used else _unit_of_words(
-                [words[k][1] for k in sorted(places)], first + size == len(words), lengths)
-            if text and (unit_of(signal, text) if signal else len(text) > 1 and parse_unit(text)):
+        for first in range(len(plain) - size, -1, -1):
+            part, places = plain[first:first + size], {*range(first, first + size)}
+            above, below = part[0], part[-1]
+            short = len(above) == 1 or above.lower() in _LAST_ONLY
+            if places & used or above.isdigit() or below.isdigit() or (
+                    size == 3 and part[1].lower() not in ('per', 'p')) or (
+                    size == 1 and short and not (first + 1 == len(plain) and (
+                        above in _LAST_ONLY or (lengths and above in 'mN')))):
+                continue
+            text = above if size == 1 else (
+                f'{above}·{below}' if size == 2 and below.lower() == 'm' else f'{above}/{below}')
+            if unit_of(signal, text) if signal else len(text) > 1 and parse_unit(text):
                 return text, places
-    return next(((OTHER_UNITS[word.lower()], {k}) for k, (_, word) in enumerate(words)
+    return next(((OTHER_UNITS[word.lower()], {k}) for k, word in enumerate(plain)
                  if word.lower() in OTHER_UNITS and (len(word) > 1 or word in _LAST_ONLY)),
                 ('', set()))
-
-
-def _unit_of_words(part: list[str], last: bool, lengths: bool) -> str:
-    """Return the unit that one to three words may mean: mA, rad s, N m, deg per s."""
-    above, below = part[0], part[-1]
-    if above.isdigit() or below.isdigit():
-        return ''
-    if len(part) == 3:
-        return f'{above}/{below}' if part[1].lower() in ('per', 'p') else ''
-    if len(part) == 2:
-        return f'{above}·{below}' if below.lower() == 'm' else f'{above}/{below}'
-    if len(above) == 1 or above.lower() in _LAST_ONLY:
-        return above if last and (above in _LAST_ONLY or (lengths and above in 'mN')) else ''
-    return above
 
 
 def _label(name: str, words: list[tuple[int, str]], rest: list[int], joint: list[int]) -> str:
@@ -322,11 +297,6 @@ def _parts(name: str) -> list[tuple[int, str]]:
             found.append((begin, word))
             begin += len(word)
     return found
-
-
-def plain_name(name: str) -> str:
-    """Return a column's name without a unit in brackets behind it, for comparing."""
-    return _BRACKET.sub('', name).strip().casefold()
 
 
 # What the user tells, and what is made of it.
@@ -375,7 +345,13 @@ class Layout:
             raise InputError('columns name both effort and current: name only one of them, the '
                              'measured one')
         for signal, unit in self.units.items():
-            check_unit(signal, unit)
+            if unit_of(signal, unit) or (signal == 'effort' and other_unit(unit)):
+                continue
+            possible = ', '.join(_EXAMPLES[one] for one in DIMENSIONS[signal] if one in _EXAMPLES)
+            others = '; values in V, %, counts, PWM or another of a drive stay as they are'
+            raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible or "none"}, '
+                             'with a factor before them if needed, as in 2.69mA'
+                             + others * (signal == 'effort'))
 
     def unit(self, signal: str) -> str:
         """Return the unit that is given for a signal, or what it shares its unit with; or ''."""
@@ -394,7 +370,8 @@ def column_called(name: str, names: Sequence[str], where: object) -> str:
     """Return the column of that name, or the only one that is it with a unit; else InputError."""
     if name in names:
         return name
-    alike = [one for one in names if plain_name(one) == name.strip().casefold()]
+    alike = [one for one in names
+             if _BRACKET.sub('', one).strip().casefold() == name.strip().casefold()]
     if len(alike) == 1:
         return alike[0]
     raise InputError(f'{where}: has no column {name!r}, but {_listed(names)}')
@@ -479,13 +456,13 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     used = [c for c in used if c.signal != 'command' or c.dimension == 'current'
             or in_ampere != {True}]
     used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
-    joints = {c.key: c.joint if c.key else '' for c in used if c.signal == 'position'}
     named = layout.columns.keys() - {'time'}
-    if len(joints) == 1 and named:
-        joints = dict.fromkeys(joints, '')
-    given = next(iter(joints)) if [*joints.values()] == [''] else own if named else None
-    if layout.joint and layout.joint not in joints.values() and given is not None:
-        joints[given] = layout.joint
+    joints = {c.key: c.joint if c.key else '' for c in used if c.signal == 'position'}
+    if len(joints) == 1:
+        joints = {key: joint if joint and not named else layout.joint
+                  for key, joint in joints.items()}
+    elif named and layout.joint and layout.joint not in joints.values():
+        joints[own] = layout.joint
     used = [replace(c, joint=joints.get(c.key, '')) for c in used]
     # Forces move a linear axis.
     if any(c.dimension == 'force' and c.stated for c in used if c.signal == 'effort'):
@@ -501,41 +478,36 @@ def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = F
 
     The last are columns that are as good as one of the former, by its name.
     """
-    told = {name: signal for signal, name in layout.columns.items()}
-    patterns = {_pattern(name): signal for name, signal in told.items()
-                if signal != 'time' and name != _pattern(name).strip('#') != ''}
+    told = {name: _named(signal, name, layout, where) for signal, name in layout.columns.items()}
+    # Without their numbers, the columns of sibling joints have one name.
+    alike = {_pattern(name): signal for name, signal in told.items()
+             if signal != 'time' and name != _pattern(name).strip('#') != ''}
     first = next((layout.columns[signal] for signal in ('position', 'effort', 'current', 'velocity')
                   if signal in layout.columns), '')
     # Where the user's columns have a number, it is the joint's.
     numbered = bool(re.search(r'\d', first))
-    own = _key(first, numbered)
-    signals = {_kind(signal) for signal in layout.columns}
+    own, kinds = _key(first, numbered), {*map(_kind, told.values())}
     best: dict[tuple[str, tuple[str, ...]], tuple[tuple[int, ...], Column]] = {}
     rivals: dict[str, str] = {}
     for name in names:
-        key, alike = _key(name, numbered), _pattern(name) in patterns
-        reading = replace(read_name(name), key=key)
-        if name in told:
-            key = () if told[name] == 'time' else own
-            reading = _as_named(replace(reading, key=key), name, told[name], layout, where)
-        elif alike and (patterns[_pattern(name)], reading.signal) != ('effort', 'current'):
-            reading = replace(reading, signal=patterns[_pattern(name)])
-        if numbered and alike:
-            reading = replace(reading, joint='_'.join(key))
-        second = plan and reading.signal.startswith('reference_')
-        signal = reading.signal.removeprefix('reference_') if plan else reading.signal
-        kind = _kind(signal)
-        if not kind or (name not in told and kind in signals and key in (own, ())):
+        reading, sibling = read_name(name), _pattern(name) in alike
+        signal = told.get(name) or alike.get(_pattern(name)) or reading.signal
+        key = () if signal == 'time' else own if name in told else _key(name, numbered)
+        reading = reading._replace(
+            signal=signal.removeprefix('reference_') if plan else signal, key=key,
+            joint='_'.join(key) if numbered and sibling else reading.joint)
+        kind = _kind(reading.signal)
+        if not kind or (name not in told and kind in kinds and key in (own, ())):
             continue
-        column = _column(name, replace(reading, signal=signal), layout)
+        column = _column(name, reading, layout)
         if column is None:
             if name in told:
                 raise InputError(f'{where}: {_say_unit(name, reading)}')
             continue
         # By the name's unit, whatever the user's is.
-        other = bool(reading.unit) and unit_of(signal, reading.unit) is None
-        rank = (name not in told, not alike, kind == 'effort' and not reading.measured, other,
-                SIGNALS.index(signal), second)
+        other = bool(reading.unit) and unit_of(reading.signal, reading.unit) is None
+        rank = (name not in told, not sibling, kind == 'effort' and not reading.measured, other,
+                SIGNALS.index(reading.signal), plan and signal != reading.signal)
         lowest, chosen = best.get((kind, key), (rank, column))
         if rank < lowest or chosen is column:
             best[kind, key] = rank, column
@@ -544,8 +516,18 @@ def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = F
     return [column for _, column in best.values()], own, rivals
 
 
+def _named(signal: str, name: str, layout: Layout, where: object) -> str:
+    """Return the signal of a column that the user named; only names that mean it are torques."""
+    reading = read_name(name)
+    if (signal, reading.signal) == ('effort', 'current'):
+        return 'current'
+    if signal == 'effort' and not (reading.torque or reading.unit or layout.unit('effort')):
+        raise InputError(f'{where}: column {name!r}: its name tells no unit: say what one of it '
+                         'is, --unit effort=N·m, or A, V, %, or 2.69mA')
+    return signal
+
+
 def _pattern(name: str) -> str:
-    """Return a name without its numbers, the same for the columns of sibling joints."""
     return re.sub(r'\d+', '#', name)
 
 
@@ -554,14 +536,8 @@ def _key(name: str, numbered: bool) -> tuple[str, ...]:
     return tuple(re.findall(r'\d+', name)) if numbered else read_name(name).key
 
 
-def _as_named(reading: Reading, name: str, signal: str, layout: Layout, where: object) -> Reading:
-    """Return the reading of a column that the user named; only names that mean it are torques."""
-    if (signal, reading.signal) == ('effort', 'current'):
-        return reading
-    if signal == 'effort' and not (reading.torque or reading.unit or layout.unit('effort')):
-        raise InputError(f'{where}: column {name!r}: its name tells no unit: say what one of it '
-                         'is, --unit effort=N·m, or A, V, %, or 2.69mA')
-    return replace(reading, signal=signal)
+def _kind(signal: str) -> str:
+    return 'effort' if signal == 'current' else signal
 
 
 def _column(name: str, reading: Reading, layout: Layout) -> Column | None:
@@ -574,7 +550,7 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column | None:
     if signal == 'current' and given and unit_of('current', given) is None:
         signal = 'effort'   # 62N: the force of 1 A
     text = given or reading.unit
-    default = 'N·m' if reading.torque and signal == 'command' else si_unit(signal)
+    default = 'N·m' if reading.torque and signal == 'command' else _SI[signal]
     unit, told = unit_of(signal, text or default), parse_unit(text or default)
     # The torque constant may make a current of an effort without a unit.
     said = text or default * (signal != 'effort')
@@ -586,10 +562,6 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column | None:
         factor, said = (other_unit(text) if text else None) or (1.0, said)
         unit = Unit(factor, '')
     return Column(name, _kind(signal), reading.joint, said, *unit, reading.key, bool(text))
-
-
-def _kind(signal: str) -> str:
-    return 'effort' if signal == 'current' else signal
 
 
 def _of_joints(columns: Sequence[Column], own: tuple[str, ...], where: object) -> list[Column]:
@@ -618,8 +590,7 @@ def without_time(names: Sequence[str], layout: Layout, where: object
     Its rows are means at constant speeds, without time and position. Raises InputError if it has
     several joints or speeds, and none is named.
     """
-    layout = layout.naming(names, where)
-    columns, own, rivals = _columns([name for name in names if name], layout, where)
+    columns, own, rivals = _columns([*filter(None, names)], layout.naming(names, where), where)
     signals = {column.signal for column in columns}
     if layout.rate or signals & {'time', 'position'}:
         return None
@@ -632,9 +603,7 @@ def without_time(names: Sequence[str], layout: Layout, where: object
              if layout.joint in ('', speed.joint, effort.joint)]
     if len(pairs) > 1 or any(c.name in rivals for pair in pairs for c in pair):
         raise InputError(f'{where}: which speed and which effort? Name one with --joint, or both '
-                         'with --columns velocity=NAME,effort=NAME; there are ' + _listed(
-                             [c.name for c in columns if c.signal in (wanted, 'effort')]
-                             + [*rivals.values()]))
+                         f'with --columns velocity=NAME,effort=NAME; there are {_listed(names)}')
     return pairs[0] if pairs else None
 
 
@@ -659,11 +628,16 @@ def _missing(missing: Sequence[str], names: Sequence[str], layout: Layout, signa
 
 
 def _say_unit(name: str, reading: Reading) -> str:
-    example = {'position': 'counts/4096 (counts in a turn), or deg',
-               'time': 'counts/100 (in a second)', 'velocity': '0.229rpm'}.get(
-                   reading.signal, si_unit(reading.signal))
     return (f'column {name!r}: {reading.unit!r} does not tell what a {reading.signal} of 1 is: '
-            f'say it, for instance with --unit {reading.signal}={example}')
+            f'say it, for instance with --unit {unit_to_give(reading.signal)}')
+
+
+def unit_to_give(signal: str) -> str:
+    """Return what ``--unit`` may say of a signal, to be copied."""
+    return f'{signal}=' + {
+        'position': 'counts/4096 (counts in a turn), deg, turn or rad', 'effort': '2.69mA, counts '
+        'or N·m', 'time': 'counts/100 (in a second)', 'velocity': '0.229rpm, deg/s or rad/s'
+        }.get(signal, _SI[signal])
 
 
 def _listed(names: Sequence[str]) -> str:

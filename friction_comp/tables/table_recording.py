@@ -12,7 +12,7 @@ import numpy as np
 
 from friction_comp.errors import InputError, one_of
 from friction_comp.facts.motion import at_times, not_in_radians, whole_numbers
-from friction_comp.facts.recorded import check_plausible, moves, not_in_seconds, tidied, usable
+from friction_comp.facts.recorded import checked, not_in_seconds, usable
 from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.statistics import gap_length
 from friction_comp.tables.columns import assign, Assignment, Column, Layout
@@ -88,11 +88,10 @@ class TableRecording:
             notes += [f'{count} rows left out: {reason}'] if count else []
         rows = rows[fresh]
         start = float(time[rows[0]])
-        samples, kept = tidied(Samples(time[rows] - start, joint=joint or key, **{
-            name: values[rows] for name, values in signals.items() if values is not None}), notes)
-        others = [self._of('position', name) for name in use.joints if name != key]
-        check_plausible(samples, self.path, not any(
-            own is not None and moves(own) for own in others))
+        others = (self._of('position', name) for name in use.joints if name != key)
+        samples, kept = checked(Samples(time[rows] - start, joint=joint or key, **{
+            name: values[rows] for name, values in signals.items() if values is not None}),
+            notes, self.path, (own for own in others if own is not None))
         effort = use.of('effort', key)
         return samples, RecordingInfo(
             self.path, joint or key, start=start, stamps=time - start, rows=rows[kept], notes=notes,
