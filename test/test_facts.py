@@ -290,19 +290,3 @@ def test_noise_is_known_by_what_the_command_does_not_explain(factor):
             command + noise * random.normal(size=len(time))))
         assert answer.gain == pytest.approx(factor, rel=0.15)
         assert answer.error == pytest.approx(error * abs(factor), rel=0.5, abs=1e-4)
-
-
-@pytest.mark.parametrize(('lost', 'noise', 'step'), [
-    (0.03, 0.0, 1e-5), (0.1, 0.02, 1e-5), (0.03, 0.0, 1e-4), (0.0, 0.0, 1e-5), (0.0, 0.3, 1e-5),
-    (0.0, 2.0, 1e-5), (0.0, 0.0, 1e-3), (0.0, 0.0, 4e-3)])
-def test_rows_that_are_missing_show_in_the_position(lost, noise, step):
-    """By even times; noise in parts of the usual motion from row to row."""
-    rng = np.random.default_rng(3)
-    true = 0.001 * np.arange(30_000)
-    position = 0.8 * np.sin(2.0 * true) + 0.0016 * noise * rng.standard_normal(len(true))
-    kept = np.flatnonzero(rng.random(len(true)) >= lost)
-    position = step * np.round(position[kept] / step)
-    found = recorded.lost_rows(true[:len(kept)], position, step)
-    assert found == pytest.approx(lost, rel=0.3)
-    # With the true times nothing is missing.
-    assert recorded.lost_rows(true[kept], position, step) == 0.0

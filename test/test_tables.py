@@ -176,7 +176,7 @@ def text(line):
      "column 'tau' holds whole numbers: give its unit, --unit effort=2.69mA"),
     ('log.csv', lambda path, t, q: write(
         path, time=t, q=np.round(q / TURN * 2 ** 14) / 2 ** 14, tau=q),
-     'give its unit, --unit position=deg, turn, '),
+     'give its unit, --unit position=counts/4096'),
     ('log.npz', lambda path, t, q: path.write_text('time,q,tau'), 'not a readable table'),
     ('log.mat', lambda path, t, q: path.write_text('time,q,tau'), 'not a readable table'),
     ('log.xlsx', lambda path, t, q: path.write_text('PK'), 'save its sheet as CSV'),
@@ -444,14 +444,11 @@ def test_the_effort_of_a_position_controller_follows_from_its_gains(tmp_path, fo
     time, position, velocity = swing(300)
     target = {'target_position': position + 0.1, **({'target_velocity': velocity + 0.2}
                                                     if follows else {})}
-    path = write(tmp_path / 'servo.csv', time=time, position=position, kp=np.full(300, 20.0),
-                 **target)
-    for gain in (20.0, 'kp'):
-        (samples, info), = read_recording_with_info(path, layout=Layout(
-            stiffness=gain, damping=0.5))
-        np.testing.assert_allclose(
-            samples.current[1:-1], 2.1 if follows else 2.0 - 0.5 * velocity[1:-1], atol=1e-3)
-        assert any('target velocity' in note for note in info.notes) == follows
+    path = write(tmp_path / 'servo.csv', time=time, position=position, **target)
+    (samples, info), = read_recording_with_info(path, layout=Layout(stiffness=20.0, damping=0.5))
+    np.testing.assert_allclose(
+        samples.current[1:-1], 2.1 if follows else 2.0 - 0.5 * velocity[1:-1], atol=1e-3)
+    assert any('target velocity' in note for note in info.notes) == follows
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

@@ -68,26 +68,6 @@ def not_in_seconds(time: np.ndarray, factor: float = 1.0, stated: bool = False) 
         ', or time=s' * (likely != 's')) + ', or the rows per second with --rate'
 
 
-def lost_rows(time: np.ndarray, position: np.ndarray, step: float) -> float:
-    """Return the share of rows before which others are missing in spite of their times; else 0.
-
-    Between two rates that are alike the position, in steps of `step` rad, then moves a whole number
-    of times as far, and seldom one and a half times, as it does by noise. Motion of five steps and
-    more from row to row tells.
-    """
-    change = np.diff(time)
-    rate = np.divide(np.diff(position), change, out=np.zeros(len(change)), where=change > 0.0)
-    before, own, after = rate[:-2], rate[1:-1], rate[2:]
-    size = np.abs((before, after))
-    steady = (before * after > 0.0) & (size.max(axis=0) < 1.5 * size.min(axis=0)) & (
-        size.min(axis=0) * change[1:-1] > 5.0 * step)
-    if not steady.any():
-        return 0.0
-    ratio = 2.0 * own[steady] / (before + after)[steady]
-    far, between = np.mean(ratio > 1.8), np.mean((ratio > 1.4) & (ratio < 1.8))
-    return float(far) if far > 0.01 and between < 0.2 * far else 0.0
-
-
 def held_rows(position: np.ndarray) -> int:
     """Return over how many rows a logger holds each position, 1 if it does not; shape (N,).
 

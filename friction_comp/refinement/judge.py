@@ -17,7 +17,6 @@ import re
 import numpy as np
 
 from friction_comp.facts.motion import STANDSTILL, velocity_agreement
-from friction_comp.facts.recorded import lost_rows
 from friction_comp.model.effect import RESISTS, segment_starts, too_coarse
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_numbers import FrictionNumbers
@@ -344,12 +343,6 @@ def _findings_on_signals(rows: Rows, raw: Samples) -> Iterator[Finding]:
         yield Finding('signals', f'{fault[0].upper()}{fault[1:]}.', IN_PART,
                       'let one clock stamp position, velocity and current, and check the units of '
                       'velocity')
-    if lost := lost_rows(raw.time, raw.position, raw.position_step):
-        yield Finding(
-            'signals', f'Rows are missing: in {100.0 * lost:.2g} % of them the position moves '
-            'twice as far as around them, or farther, though times say otherwise. Speeds are '
-            'uncertain, and inertia may be outside its interval.', IN_PART,
-            'the time of each row, by the clock of who measures')
     if rows.clipped.any():
         limits = raw.current[rows.clipped]
         ends = dict.fromkeys(f'{end:.4g} A' for end in (limits.min(), limits.max()))

@@ -317,9 +317,9 @@ class Layout:
         Those of position, velocity and effort count for joint states in messages, too.
     rate : float, optional
         Rows per second, Hz, of a table without times.
-    stiffness, damping : float or str, optional
-        k_p in N·m/rad and k_d in N·m·s/rad of a position controller: a number, or the column that
-        holds it. Effort is then k_p (target - position) - k_d velocity.
+    stiffness, damping : float, optional
+        k_p in N·m/rad and k_d in N·m·s/rad of a position controller. Effort is then
+        k_p (target - position) - k_d velocity.
     joint : str
         Name of the joint whose columns are given, where they do not name it.
 
@@ -332,8 +332,8 @@ class Layout:
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     rate: float | None = None
-    stiffness: float | str | None = None
-    damping: float | str | None = None
+    stiffness: float | None = None
+    damping: float | None = None
     joint: str = ''
 
     def __post_init__(self) -> None:
@@ -359,22 +359,19 @@ class Layout:
                      if one in self.units), '')
 
     def naming(self, names: Sequence[str], where: object) -> Layout:
-        """Return the layout with a table's own names; raises InputError if one is missing."""
-        stiffness, damping = (column_called(gain, names, where) if isinstance(gain, str) else gain
-                              for gain in (self.stiffness, self.damping))
-        return replace(self, stiffness=stiffness, damping=damping, columns={
-            signal: column_called(name, names, where) for signal, name in self.columns.items()})
+        """Return the layout with a table's own names; raises InputError if one is missing.
 
-
-def column_called(name: str, names: Sequence[str], where: object) -> str:
-    """Return the column of that name, or the only one that is it with a unit; else InputError."""
-    if name in names:
-        return name
-    alike = [one for one in names
-             if _BRACKET.sub('', one).strip().casefold() == name.strip().casefold()]
-    if len(alike) == 1:
-        return alike[0]
-    raise InputError(f'{where}: has no column {name!r}, but {_listed(names)}')
+        A name may be given without its unit.
+        """
+        columns = {}
+        for signal, name in self.columns.items():
+            alike = [one for one in names if one == name] or [
+                one for one in names
+                if _BRACKET.sub('', one).strip().casefold() == name.strip().casefold()]
+            if len(alike) != 1:
+                raise InputError(f'{where}: has no column {name!r}, but {_listed(names)}')
+            columns[signal], = alike
+        return replace(self, columns=columns)
 
 
 @dataclass(frozen=True)

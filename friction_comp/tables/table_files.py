@@ -62,16 +62,20 @@ def parts_of(path: Path) -> list[Path]:
 class Table:
     """A table: the `names` of its columns, of which those that are wanted are read as floats.
 
-    Raises InputError if the file, or what it holds, is no table. `notes` say what is left out.
+    Raises InputError if the file, or what it holds, is no table. `notes` say what is left out. The
+    columns may also be those of a data `frame`.
     """
 
-    def __init__(self, path: Path, named: Sequence[str] = ()) -> None:
+    def __init__(self, path: Path, named: Sequence[str] = (), frame: Any = None) -> None:
         self.path, self.notes = path, list[str]()
         self._text: _Text | None = None
         parts, name = parts_of(path), path.name.lower()
         load = next((own for suffix, own in _LOADERS.items() if name.endswith(suffix)), None)
         with _readable(path):
-            if len(parts) > 1:
+            if frame is not None:
+                self._use({str(own): np.asarray(frame[own])
+                           for own in getattr(frame, 'columns', frame)}, named)
+            elif len(parts) > 1:
                 self._use(_joined(parts), named)
             elif load:
                 self._use(dict(_flat('', load(check_input(path)))), named)
@@ -208,9 +212,6 @@ class _Text:
             cells = [items[item] if item < len(items := _items(cell)) else '' if items else cell
                      for cell in cells]
         elif self._comma:
-            if wrong := next((cell for cell in cells if '.' in cell and _is_number(cell)), ''):
-                raise InputError(f'{self.path}: column {name!r}: {wrong!r} has a point where '
-                                 'other numbers have a comma: write one of them')
             cells = [cell.replace(',', '.') for cell in cells]
         with suppress(ValueError):
             return np.fromiter(map(float, cells), float, len(cells))

@@ -15,38 +15,30 @@ from friction_comp.facts.motion import at_times, not_in_radians, whole_numbers
 from friction_comp.facts.recorded import checked, not_in_seconds, usable
 from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.statistics import gap_length
-from friction_comp.tables.columns import assign, Assignment, Column, Layout
-from friction_comp.tables.table_files import Columns, is_table, parts_of, Table, to_numbers
+from friction_comp.tables.columns import assign, Assignment, Column, Layout, STATES, unit_to_give
+from friction_comp.tables.table_files import Columns, is_table, parts_of, Table
 
 _SIGNALS = ('position', 'velocity', 'effort', 'command', 'direction', 'load', 'temperature',
             'reference_position', 'reference_velocity')
-# Units to name where values are not in SI units.
-_EXAMPLES = {'position': 'position=deg, turn, counts/4096 (counts in a turn) or rad',
-             'velocity': 'velocity=0.229rpm, deg/s or rad/s',
-             'effort': 'effort=2.69mA, counts or N·m'}
 _HELD = ('command', 'direction')    # signals that hold their value until the next
 
 
 class TableRecording:
     """The joints of a table: of a file, or of the columns of a data `frame`.
 
-    The `layout` is what the user declares. Raises InputError if a column cannot be used.
+    The `layout` is what the user declares; a `plan` needs no effort. Raises InputError if a column
+    cannot be used.
     """
 
-    def __init__(self, path: Path, layout: Layout | None = None, frame: Any = None) -> None:
+    def __init__(self, path: Path, layout: Layout | None = None, frame: Any = None,
+                 plan: bool = False) -> None:
         self.path = path
-        if frame is None:
-            table = Table(path, [*layout.columns.values()] if layout else ())
-            names, self._read, notes = table.names, table.read, table.notes
-        else:
-            names = [str(n) for n in (frame.columns if hasattr(frame, 'columns') else frame)]
-            self._read, notes = (lambda wanted: {
-                name: to_numbers(np.asarray(frame[name]), name, path) for name in wanted}), []
+        self._table = Table(path, [*layout.columns.values()] if layout else (), frame)
         try:
-            self._use = assign(names, layout, path)
+            self._use = assign(self._table.names, layout, path, plan)
         except InputError as error:
-            raise InputError('; '.join((str(error), *notes))) from None
-        self._use.notes += notes
+            raise InputError('; '.join((str(error), *self._table.notes))) from None
+        self._use.notes += self._table.notes
         self._layout, self._time = self._use.layout, np.empty(0)
         self._columns: Columns = {}
 
@@ -107,13 +99,12 @@ class TableRecording:
         signals: dict[str, Any] = {name: own for name in _SIGNALS
                                    if (own := self._of(name, joint)) is not None}
         if layout.stiffness and 'effort' not in signals:
-            stiffness, damping = (self._columns[gain] if isinstance(gain, str) else gain or 0.0
-                                  for gain in (layout.stiffness, layout.damping))
             velocity = signals['velocity'] if 'velocity' in signals else _rate(
                 self._time, signals['position'])
             follows = 'reference_velocity' in signals
-            signals['effort'] = stiffness * (signals['reference_position'] - signals['position']) \
-                - damping * (velocity - signals.get('reference_velocity', 0.0))
+            signals['effort'] = layout.stiffness * (
+                signals['reference_position'] - signals['position']) - (layout.damping or 0.0) * (
+                    velocity - signals.get('reference_velocity', 0.0))
             notes.append('effort is k_p (target - position) ' + (
                 '+ k_d (target velocity - velocity)' if follows else '- k_d velocity'))
         for name in _HELD:
@@ -138,8 +129,7 @@ class TableRecording:
         if self._columns:
             return
         use, layout = self._use, self._layout
-        columns = self._read([*(column.name for column in use.columns), *(
-            gain for gain in (layout.stiffness, layout.damping) if isinstance(gain, str))])
+        columns = self._table.read([column.name for column in use.columns])
         size = len(next(iter(columns.values())))
         if not size:
             raise InputError(f'{self.path}: has no row below its header')
@@ -147,7 +137,7 @@ class TableRecording:
         for column in list(use.columns):
             if fault := _unit_fault(column, columns[column.name]):
                 said = (f'column {column.name!r} {fault}: give its unit, '
-                        f'--unit {_EXAMPLES[column.signal]}')
+                        f'--unit {unit_to_give(column.signal)}')
                 if column.signal != 'velocity':
                     raise InputError(f'{self.path}: {said}')
                 # It can be computed from the position.
@@ -211,7 +201,7 @@ def _times(use: Assignment, columns: Columns, where: object) -> np.ndarray:
 
 def _unit_fault(column: Column, values: np.ndarray) -> str:
     """Return what tells that values without a unit are not in SI units; '' if nothing does."""
-    if column.stated or column.signal not in _EXAMPLES:
+    if column.stated or column.signal not in STATES:
         return ''
     return not_in_radians(values) if column.signal == 'position' else whole_numbers(values)
 
@@ -308,14 +298,14 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
             for k, name in enumerate(plan.joints)}
     if not is_table(path) or not all(part.is_file() for part in parts_of(path)):
         return None
-    table = Table(path)
     try:
-        use = assign(table.names, layout, path, plan=True)
+        table = TableRecording(path, layout, plan=True)
     except InputError:
         return None     # faults are reported when the table is read as a recording
+    use = table._use
     if use.layout.stiffness or any(column.signal == 'effort' for column in use.columns):
         return None
-    values = table.read([column.name for column in use.columns])
+    values = table._table.read([column.name for column in use.columns])
     size = len(next(iter(values.values())))
     time = np.arange(size) / use.layout.rate if use.layout.rate else use.signal_in(values, 'time')
     positions = {name: use.signal_in(values, 'position', name) for name in use.joints}

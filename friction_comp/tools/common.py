@@ -91,9 +91,11 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument('--rate', metavar='HZ', type=positive,
                           help='rows per second of a table without times, or of a plan')
         self.add_argument(
-            '--stiffness', metavar='KP', help='k_p in N·m/rad, or its column, of a table with a '
+            '--stiffness', metavar='KP', type=positive, help='k_p in N·m/rad, of a table with a '
             'target instead of effort: effort is k_p (target - position) - k_d velocity')
-        self.add_argument('--damping', metavar='KD', help='k_d in N·m·s/rad, as --stiffness')
+        self.add_argument(
+            '--damping', metavar='KD', help='k_d in N·m·s/rad, as --stiffness',
+            type=lambda text: _checked(text, float, lambda gain: check_number(gain, '', least=0.0)))
         return self
 
     def add_output(self, file: str = '') -> Arguments:
@@ -143,8 +145,8 @@ def layout_of(arguments: Namespace) -> Layout:
     if arguments.damping and not arguments.stiffness:
         raise InputError('--damping goes with --stiffness, the other gain of the controller')
     try:
-        return Layout(columns, units, arguments.rate, _gain(arguments.stiffness),
-                      _gain(arguments.damping), arguments.joint or '')
+        return Layout(columns, units, arguments.rate, arguments.stiffness, arguments.damping,
+                      arguments.joint or '')
     except InputError as error:
         raise InputError(f'--columns or --unit: {error}') from None
 
@@ -161,12 +163,6 @@ def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time
             raise InputError(f'{what}: names {name} twice')
         pairs[name] = value
     return pairs
-
-
-def _gain(text: str | None) -> float | str | None:
-    with suppress(ValueError):
-        return text and check_number(float(text), 'a gain', least=0.0)
-    return text
 
 
 def steady_states(arguments: Namespace) -> tuple[Column, Column] | None:
