@@ -10,12 +10,11 @@ evenly over all recordings are kept.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import reduce
 import math
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import NamedTuple, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -141,15 +140,11 @@ def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     return open_recording(path, layout=layout, first=_FIRST_MESSAGES).choices
 
 
-@dataclass(frozen=True)
-class Piece:
+class Piece(NamedTuple):
     """One joint of one recording, or the whole recording where the joint is None."""
 
     path: Path
     joint: str | None
-
-    def __str__(self) -> str:
-        return str(self.path)
 
 
 def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
@@ -208,12 +203,12 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
 
 def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                              torque_per_current: float = 1.0, progress: Progress | None = None,
-                             layout: Layout | None = None, others: bool = True,
-                             limit: float = math.inf) -> list[tuple[Samples, RecordingInfo]]:
+                             layout: Layout | None = None, limit: float = math.inf
+                             ) -> list[tuple[Samples, RecordingInfo]]:
     """Return what `read_recording` does, with information on each recording.
 
-    `torque_per_current` is k_t · n in N·m/A. Without `others`, only the joint itself is read. More
-    than about `limit` samples of all recordings together are averaged, and a note says so.
+    `torque_per_current` is k_t · n in N·m/A. More than about `limit` samples of all recordings
+    together are averaged, and a note says so.
     """
     recordings = find_recordings(paths)
     sizes = [size_of(path) for path in recordings]
@@ -223,7 +218,7 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
     for done, index in enumerate(sorted(range(len(sizes)), key=lambda k: -sizes[k])):
         recording = open_recording(recordings[index], joint, layout)
         samples, info = recording.samples(joint, torque_per_current)
-        names = recording.siblings(joint) if others else []
+        names = recording.siblings(joint)
         if len(names) > 1:
             samples = samples.with_(arm=_arm(samples, info, _usable_joints(recording, names)))
         if progress:
@@ -327,16 +322,16 @@ def read_joints(path: AnyPath, joint: str | None = None, layout: Layout | None =
     `current` is the effort in N·m, as with k_t = n = 1; the information is that of the first joint,
     with the notes on all. Raises InputError if the recording or a joint cannot be used.
     """
-    recording = open_recording(find_recording(path), joint, layout)
-    read = [*_usable_joints(
-        recording, recording.joints if joint is None else [joint]).values()]
+    path = find_recording(path)
+    read = read_recording_with_info(path, joint, layout=layout) if joint is not None else [
+        own for own, in read_arm(path, layout=layout).values()]
     first = read[0][1]
     # In µs since the first joint's start: joints of several topics may begin at different times.
     times = [np.round(1e6 * (samples.time + (info.start - first.start))) for samples, info in read]
     common = reduce(np.intersect1d, times)
     if not len(common):
-        raise InputError(f'{path}: the joints {", ".join(recording.joints)} never have values '
-                         'together')
+        raise InputError(f'{path}: the joints {", ".join(info.joint for _, info in read)} never '
+                         'have values together')
     joints = [samples.take(np.searchsorted(time, common))
               for (samples, _), time in zip(read, times)]
     first.notes = list(dict.fromkeys(note for _, info in read for note in info.notes))

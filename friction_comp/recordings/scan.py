@@ -23,7 +23,7 @@ from pathlib import Path, PurePath
 import re
 import sqlite3
 import struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 from mcap import records
@@ -156,6 +156,19 @@ _INTERFACES = {'position': 0, 'velocity': 1, 'effort': 2, 'torque': 2, 'current'
 _EFFORT, _CURRENT, _TEMPERATURE = 2, 3, 4
 # Message type of each signal that is read.
 _TYPES = {**TOPICS, _DYNAMIC: 'control_msgs/msg/DynamicJointState'}
+# Their fields: numbers by their size, in bytes, texts as '', and lists of what is in the brackets.
+_STAMP = 4, 4
+_LABELS = [('', 4, 4)]
+_FORMS: dict[str, Any] = {
+    'sensor_msgs/msg/JointState': (_STAMP, '', [''], [8], [8], [8]),
+    'control_msgs/msg/DynamicJointState': (_STAMP, '', [''], [([''], [8])]),
+    'geometry_msgs/msg/WrenchStamped': (_STAMP, '', (8, 8, 8, 8, 8, 8)),
+    'sensor_msgs/msg/Temperature': (_STAMP, '', (8, 8)),
+    'std_msgs/msg/Float64MultiArray': (_LABELS, 4, [8]),
+    'std_msgs/msg/Int8MultiArray': (_LABELS, 4, [1]),
+    _DIAGNOSTICS: (_STAMP, '', [(1, '', '', '', [('', '')])])}
+# Place of the number that is read, of messages with a frame: the torque about z, the temperature.
+_OF_FRAMES = {'interaction_wrench': 5, 'motor_temperature': 0}
 # Most joints, or values of a joint, in one message: a corrupt one could fill the memory.
 _MOST_NAMES = 200
 # Messages that are turned into arrays at once, and most numbers of one topic that are kept.
@@ -168,37 +181,31 @@ class _Cdr:
     def __init__(self, raw: bytes) -> None:
         self.raw, self.at = raw, 4
         self.order = '<' if raw[1] & 1 else '>'
-        self.fixed = [*range(4)]    # places of the bytes that say what the others mean
+        # Places of the bytes that say what the others mean: counts, and texts one by one.
+        self.counts, self.texts = [range(4)], list[range]()
 
-    def place(self, size: int, count: int = 1) -> int:
-        """Return where numbers of a size begin, and go to their end; ValueError without them."""
+    def read(self, form: Any) -> Any:
+        """Return what stands next: texts, and places of numbers; ValueError without them."""
+        if isinstance(form, tuple):
+            return [self.read(one) for one in form]
+        if isinstance(form, list):
+            return [self.read(form[0]) for _ in range(self._count())]
+        if form == '':
+            self.texts.append(range(place := self._next(1, self._count()), self.at))
+            return self.raw[place:self.at - 1].decode()
+        return self._next(form)
+
+    def _next(self, size: int, count: int = 1) -> int:
         begin = self.at + (4 - self.at) % size
         self.at = begin + size * count
         if self.at > len(self.raw):
             raise ValueError
         return begin
 
-    def count(self) -> int:
-        """Return the number of entries that follow."""
-        begin = self.place(4)
-        self.fixed.extend(range(begin, self.at))
+    def _count(self) -> int:
+        begin = self._next(4)
+        self.counts.append(range(begin, self.at))
         return int(struct.unpack_from(f'{self.order}I', self.raw, begin)[0])
-
-    def text(self, matters: bool = True) -> str:
-        """Return a text, which is a part of the layout if it `matters`."""
-        begin = self.place(1, self.count())
-        self.fixed.extend(range(begin, self.at) if matters else ())
-        return self.raw[begin:self.at - 1].decode()
-
-    def texts(self) -> list[str]:
-        """Return a list of texts."""
-        return [self.text() for _ in range(self.count())]
-
-    def numbers(self, size: int = 8) -> range:
-        """Return where the numbers of a list stand."""
-        count = self.count()
-        begin = self.place(size, count) if count else self.at
-        return range(begin, self.at, size)
 
 
 class _Layout(NamedTuple):
@@ -213,35 +220,33 @@ class _Layout(NamedTuple):
 def _layout(raw: bytes, signal: str) -> _Layout:
     """Return the layout of a message; raises an error if it makes no sense."""
     cdr, stamp, kind = _Cdr(raw), dict[str, tuple[str, int]](), 'f8'
+    read = cdr.read(_FORMS[_TYPES[signal]])
     if signal in ('current_command', 'direction'):
+        labels, _, places = read
         # The first label is the stamp of the state that is answered, another one in each message.
-        labels = [(cdr.text(k > 0), cdr.place(4, 2))[0] for k in range(cdr.count())]
-        cdr.place(4)
+        del cdr.texts[:1]
         kind = 'i1' if signal == 'direction' else 'f8'
-        unit = TORQUE_UNIT * (labels[1:2] == [TORQUE_UNIT])
-        found = [(f'{unit}{k}', 0, at) for k, at in enumerate(cdr.numbers(int(kind[1])))]
+        unit = TORQUE_UNIT * ([label for label, *_ in labels[1:2]] == [TORQUE_UNIT])
+        found = [(f'{unit}{k}', 0, at) for k, at in enumerate(places)]
     else:
-        second = cdr.place(4, 2)
-        stamp, frame = {'sec': ('i4', second), 'nanosec': ('u4', second + 4)}, cdr.text()
-        if signal == 'interaction_wrench':
-            found = [(frame, 0, cdr.place(8, 6) + 40)]
-        elif signal == 'motor_temperature':
-            found = [(frame, 0, cdr.place(8, 2))]
+        (second, nanosecond), frame, *rest = read
+        stamp = {'sec': ('i4', second), 'nanosec': ('u4', nanosecond)}
+        if signal in _OF_FRAMES:
+            found = [(frame, 0, rest[0][_OF_FRAMES[signal]])]
         elif signal == _DYNAMIC:
-            joints = cdr.texts()
-            found = [(joint, _INTERFACES[name], at) for joint in joints[:cdr.count()]
-                     for name, at in zip(cdr.texts(), cdr.numbers()) if name in _INTERFACES]
+            found = [(joint, _INTERFACES[name], at) for joint, own in zip(*rest)
+                     for name, at in zip(*own) if name in _INTERFACES]
         else:
             # A single joint may have no name.
-            joints = cdr.texts() or ['']
-            found = [(joint, column, at) for column in range(len(STATES))
-                     for joint, at in zip(joints, cdr.numbers())]
+            found = [(joint, column, at) for column, places in enumerate(rest[1:])
+                     for joint, at in zip(rest[0] or [''], places)]
     if len({name for name, _, _ in found}) > _MOST_NAMES or len(raw) - cdr.at > 3:
         raise ValueError
     fields = {**{str(k): (kind, at) for k, (_, _, at) in enumerate(found)}, **stamp}
     return _Layout(found, bool(stamp), np.dtype({
         'names': [*fields], 'formats': [cdr.order + form for form, _ in fields.values()],
-        'offsets': [at for _, at in fields.values()], 'itemsize': len(raw)}), np.array(cdr.fixed))
+        'offsets': [at for _, at in fields.values()], 'itemsize': len(raw)}),
+        np.fromiter((at for places in (*cdr.counts, *cdr.texts) for at in places), int))
 
 
 @dataclass
@@ -354,15 +359,9 @@ class Activity:
 
 def _take_report(changes: list[Activity], time: int, raw: bytes) -> None:
     """Add to the `changes` of activity what a DiagnosticArray says; `time` of receipt in ns."""
-    cdr = _Cdr(raw)
-    cdr.place(4, 2)
-    cdr.text()
-    for _ in range(cdr.count()):
-        cdr.place(1)
-        name, _, hardware = cdr.text(), cdr.text(), cdr.text()
-        values = {cdr.text(): cdr.text() for _ in range(cdr.count())}
+    for _, name, _, hardware, values in _Cdr(raw).read(_FORMS[_DIAGNOSTICS])[2]:
         last = changes[-1] if changes else None
-        activity = _activity_of(name, hardware, values, time, last)
+        activity = _activity_of(name, hardware, dict(values), time, last)
         if activity and (last is None or replace(
                 activity, time=last.time, joints=last.joints) != last):
             changes.append(activity)

@@ -268,7 +268,7 @@ class _Item:
     folder: str
 
     def __str__(self) -> str:
-        return str(self.piece)
+        return str(self.piece.path)
 
 
 def refine_each(arguments: Namespace) -> int:
