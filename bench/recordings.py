@@ -28,7 +28,8 @@ from ros_system import joint_state, own_domain, probe_node
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
-from friction_comp.recordings import read_recording_with_info, RecordingWriter
+from friction_comp.recordings.reader import read_recording_with_info
+from friction_comp.recordings.writer import RecordingWriter
 
 RATE = 1000
 

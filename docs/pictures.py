@@ -14,7 +14,7 @@ import numpy as np
 from friction_comp.demo.pages import HandTrial, loops_figure
 from friction_comp.demo.scenes import recorded, WAYS
 from friction_comp.direction.sources import DesiredMotion, ForceDirection, PlannedDirection
-from friction_comp.recordings import read_recording
+from friction_comp.recordings.reader import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.figures import (
     COLOURS,

@@ -62,7 +62,7 @@ def compress(source: Path, target: Path) -> None:
     from rosbags.rosbag2 import Reader
     import zstandard
 
-    from friction_comp.recordings import RecordingWriter
+    from friction_comp.recordings.writer import RecordingWriter
     from friction_comp.ros.dated_topics import stamp_of
 
     now = 0
@@ -80,7 +80,7 @@ def compute_arm(room: Path) -> None:
     """Compute the arm's recording."""
     import numpy as np
 
-    from friction_comp.recordings import write_samples
+    from friction_comp.recordings.writer import write_samples
 
     sys.path.insert(0, str(ROOT / 'harness'))
     from simulated_arms import PLANE, recorded, small_arm, waves

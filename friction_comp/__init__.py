@@ -58,7 +58,7 @@ _HOMES = {
     'Samples': 'friction_comp.samples',
     'evaluate': 'friction_comp.evaluation.conditions',
     'read_frame': 'friction_comp.tables.table_recording',
-    'read_recording': 'friction_comp.recordings',
+    'read_recording': 'friction_comp.recordings.reader',
     'refine': 'friction_comp.refinement',
 }
 

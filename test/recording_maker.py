@@ -10,7 +10,7 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, Reader, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
-from friction_comp.recordings import RecordingWriter, write_samples
+from friction_comp.recordings.writer import RecordingWriter, write_samples
 from friction_comp.samples import Samples
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

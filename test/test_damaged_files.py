@@ -32,7 +32,8 @@ from friction_comp.errors import InputError
 from friction_comp.excitation.plan import from_urdf, pairs_in
 from friction_comp.files import read_json, to_json
 from friction_comp.interrupts import end_by_exception, Ended
-from friction_comp.recordings import read_recording, write_samples
+from friction_comp.recordings.reader import read_recording
+from friction_comp.recordings.writer import write_samples
 from friction_comp.samples import Samples
 from friction_comp.trajectory import Trajectory
 

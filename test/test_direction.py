@@ -21,7 +21,7 @@ from friction_comp.direction.sources import (
 )
 from friction_comp.errors import InputError
 from friction_comp.files import package_file, write_yaml
-from friction_comp.recordings import write_samples
+from friction_comp.recordings.writer import write_samples
 from friction_comp.samples import Samples
 
 COUNTS = (0.0, 1023.0)

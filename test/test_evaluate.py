@@ -18,8 +18,8 @@ from friction_comp.evaluation.conditions import (
     MeasuredJoint,
 )
 from friction_comp.evaluation.repetitions import Compensation, find_movements, Movement, Repetition
-from friction_comp.recordings import write_samples
 from friction_comp.recordings.scan import Activity
+from friction_comp.recordings.writer import write_samples
 from friction_comp.reports.evaluation_page import remarks, verdict
 from friction_comp.samples import RecordingInfo, Samples
 

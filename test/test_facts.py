@@ -15,7 +15,7 @@ from friction_comp.drive import Drive
 from friction_comp.facts import motion, recorded
 from friction_comp.facts.current import current_answer, gain_fault, late_answer, wrong_sign
 from friction_comp.facts.motion import agreement_of, velocity_agreement, VelocityCheck
-from friction_comp.recordings import find_recordings, read_recording, recorded_joints
+from friction_comp.recordings.reader import find_recordings, read_recording, recorded_joints
 from friction_comp.samples import Samples
 
 DRIVE = Drive(torque_constant=0.119, gear_ratio=50.0, encoder_counts=4096)

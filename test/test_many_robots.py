@@ -22,8 +22,8 @@ from friction_comp.__main__ import run
 from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.evaluation.fleet import populations_of, units_out
 from friction_comp.parallel import Failure, run_each, runner_on_cluster
-from friction_comp.recordings import write_samples
 from friction_comp.recordings.reader import pieces_of
+from friction_comp.recordings.writer import write_samples
 from friction_comp.reports.other_pages import each_page
 from simulated_recordings import excitation_for, random_drive, record
 

@@ -28,7 +28,7 @@ from friction_comp.messages import TORQUE_UNIT
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.compensator import CompensatorNode
 from friction_comp.nodes.identification import trajectory_goal
-from friction_comp.recordings import read_recording
+from friction_comp.recordings.reader import read_recording
 from friction_comp.ros import tool_client
 from friction_comp.ros.joint_io import command_unit
 from friction_comp.ros.node_main import yield_to_executor

@@ -18,7 +18,7 @@ from ros_system import joint_state, own_domain, probe_node, value_of
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
-from friction_comp.recordings import find_recordings, read_recording_with_info
+from friction_comp.recordings.reader import find_recordings, read_recording_with_info
 from friction_comp.ros import dated_topics
 
 

@@ -19,7 +19,7 @@ from ros_system import CONFIG, MODELS, own_domain, probe_node, value_of
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.direction.exercise import ReferenceMovement
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.recordings import read_recording_with_info
+from friction_comp.recordings.reader import read_recording_with_info
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 

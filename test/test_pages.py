@@ -12,7 +12,7 @@ import pytest
 
 from friction_comp.__main__ import run
 from friction_comp.evaluation.conditions import evaluate_recordings
-from friction_comp.recordings import read_recording
+from friction_comp.recordings.reader import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.evaluation_page import evaluation_page
 from friction_comp.reports.figures import band, panels, scatter

@@ -11,7 +11,9 @@ import pytest
 from friction_comp import refine
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.recordings import read_recording, read_recording_with_info, scan, write_samples
+from friction_comp.recordings import scan
+from friction_comp.recordings.reader import read_recording, read_recording_with_info
+from friction_comp.recordings.writer import write_samples
 from friction_comp.refinement.prepare import clipped, join
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms

@@ -39,18 +39,17 @@ import zstandard
 from friction_comp.errors import InputError
 from friction_comp.files import file_names
 from friction_comp.messages import TORQUE_UNIT
-from friction_comp.recordings import (
+from friction_comp.recordings.reader import (
     find_recordings,
     read_arm,
     read_joints,
     read_recording,
     read_recording_with_info,
     recorded_joints,
-    RecordingWriter,
-    write_samples,
+    without_topic,
 )
-from friction_comp.recordings.reader import without_topic
 from friction_comp.recordings.scan import Scan
+from friction_comp.recordings.writer import RecordingWriter, write_samples
 
 BATCHES = 30
 

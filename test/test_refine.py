@@ -25,7 +25,8 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import Breakaway
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.recordings import read_recording, read_recording_with_info, write_samples
+from friction_comp.recordings.reader import read_recording, read_recording_with_info
+from friction_comp.recordings.writer import write_samples
 from friction_comp.refinement import refine
 from friction_comp.refinement.judge import Finding, verdict_of
 from friction_comp.samples import JointStates, Samples

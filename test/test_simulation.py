@@ -18,7 +18,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import package_file
 from friction_comp.note import experiments
 from friction_comp.note.experiments import EXPERIMENTS
-from friction_comp.recordings import read_arm
+from friction_comp.recordings.reader import read_arm
 from friction_comp.simulation.joint import (
     ARRIVED,
     friction_level,

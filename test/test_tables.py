@@ -16,7 +16,8 @@ from scipy.io import savemat
 
 from friction_comp import InputError, Layout, read_frame, read_recording, Samples
 from friction_comp.__main__ import main
-from friction_comp.recordings import read_recording_with_info, recorded_joints, write_samples
+from friction_comp.recordings.reader import read_recording_with_info, recorded_joints
+from friction_comp.recordings.writer import write_samples
 from friction_comp.tables.table_files import Table, write_columns
 from friction_comp.tables.table_recording import table_of
 

@@ -25,7 +25,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import Recorded, write_arm
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.recordings import write_samples
+from friction_comp.recordings.writer import write_samples
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.common import Arguments

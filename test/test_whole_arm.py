@@ -18,7 +18,8 @@ from friction_comp.arm.fit import refine_arm
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.model_file import write_arm
-from friction_comp.recordings import read_arm, write_samples
+from friction_comp.recordings.reader import read_arm
+from friction_comp.recordings.writer import write_samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import predict
 from friction_comp.tools.refine import refine as refine_tool
