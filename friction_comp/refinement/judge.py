@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
 import math
 import re
 
@@ -129,26 +128,18 @@ def ambiguities(fit: Fit) -> list[Question]:
     return list(entries.values())
 
 
-def friction_would_push(fit: Fit) -> str:
-    """Return 'pushes' if friction would have to push to explain the current, or 'turned'; or ''.
+def friction_would_push(fit: Fit) -> bool:
+    """Return whether friction would have to push to explain the current.
 
     It would where Eq. 6, the terms with which a search begins and those of other joints predict
-    much better with any signs than with those that physics requires. If these predict the reversed
-    current clearly better, and any signs no better than that, the current is turned round.
+    much better with any signs than with those that physics requires.
     """
     table = Table(fit.rows, 2.0 / fit.rows.coverage.transition)
     terms = table.add([*first_model(table), *(term for term in fit.terms if term.group)])
     sums = table.sums.part(table.indices(terms))
-    turned = sums.gram.copy()
-    turned[:, -1, :-1] *= -1.0
-    turned[:, :-1, -1] *= -1.0
-    every = range(len(sums.signs))
-    as_recorded, reversed_, free = (one.held_out_errors(every) for one in (
-        sums, BlockSums(turned, sums.rows, sums.signs),
-        BlockSums(sums.gram, sums.rows, np.zeros_like(sums.signs))))
-    if is_better(as_recorded, reversed_) and not is_better(reversed_, free):
-        return 'turned'
-    return 'pushes' if free.sum() < 0.5 * as_recorded.sum() else ''
+    as_recorded, free = (replace(sums, signs=signs).held_out_errors(range(len(signs))).sum()
+                         for signs in (sums.signs, np.zeros_like(sums.signs)))
+    return bool(free < 0.5 * as_recorded)
 
 
 def friction_shows(fit: Fit) -> bool:
@@ -225,10 +216,9 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
             'load, unit)')
     if left_out > thresholds.GROWTH * after.fit_rmse:
         yield Finding(
-            'extrapolates', f'Motion that was not fitted is predicted with '
-            f'{left_out / after.fit_rmse:.2g} times the error, worst {_worst_regime(fit)}: the '
-            'model is only supported where it was fitted.', IN_PART,
-            'record more of such motion')
+            'extrapolates', 'Motion that was not fitted is predicted with '
+            f'{left_out / after.fit_rmse:.2g} times the error: the model only holds where it was '
+            'fitted.', IN_PART, 'more places, speeds and loads')
     for entry in dependences:
         if entry.strength > thresholds.UNEXPLAINED:
             yield Finding('unexplained', f'The remaining error depends on {entry.variable}: '
@@ -243,9 +233,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
 
 
 def _findings_on_signs(fit: Fit) -> Iterator[Finding]:
-    code = friction_would_push(fit)
-    # Without friction, nothing tells the sign of a current.
-    if code == 'pushes' or (code and friction_shows(fit)):
+    if friction_would_push(fit):
         yield Finding(
             'wrong_sign', 'Friction would have to push to explain the current: the current is a '
             "controller's response, something that was not recorded moves the joint, or the sign "
@@ -292,15 +280,6 @@ def _helped_person(samples: Samples, accelerates: bool) -> Iterator[Finding]:
             AGAIN if announced else IN_PART,
             "the person's torque (interaction_wrench), /diagnostics, or a faster motion without "
             'the compensator')
-
-
-def _worst_regime(fit: Fit) -> str:
-    """Return in which motion the error of regimes that were not fitted is the largest, in words."""
-    errors = fit.table.errors(fit.terms).mean(axis=0) / fit.table.sums.rows
-    rows = fit.rows.at_rows.take(fit.rows.parts[int(np.argmax(errors))])
-    low, high = np.quantile(rows.position, (0.05, 0.95))
-    slow, fast = np.quantile(np.asarray(rows.velocity), (0.05, 0.95))
-    return f'at {low:.2g} to {high:.2g} rad and {slow:.2g} to {fast:.2g} rad/s'
 
 
 def _findings_on_joints(rows: Rows, raw: Samples) -> Iterator[Finding]:
@@ -493,9 +472,9 @@ def in_unit(text: str, unit: str) -> str:
 _OUTLYING = 8.0
 # Random signs of blocks, and the share of them with which chance may explain as much.
 _FLIPS, _FEW_FLIPS, _CHANCE = 1500, 50, 0.001
-# Ranges of each variable, and of each of two.
-_RANGES, _OF_PAIR = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
-                     'load': 12, 'temperature': 10}, 8
+# Ranges of each variable.
+_RANGES = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
+           'load': 12, 'temperature': 10}
 _FEWEST_BLOCKS, _MOST_BLOCKS = 20, 400
 
 
@@ -504,31 +483,26 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
     """Return the variables that a residual, shape (N,), still depends on, the strongest first.
 
     Each dependence is subtracted before the next is searched for, so that a variable is reported
-    only if it explains a part that others do not; then pairs of variables are tried. The samples
-    are in motion and in order of time; `slowest` is the speed of standstill, rad/s.
+    only if it explains a part that others do not. The samples are in motion and in order of time;
+    `slowest` is the speed of standstill, rad/s.
     """
     limit = _OUTLYING * float(robust_std(residual)) + 1e-300
     values = np.clip(residual, -limit, limit)
     values = values - values.mean()
     power = float(values @ values)
-    found: dict[str, Dependence] = {}
-    singles, pairs = _cells(samples, slowest) if power > 0.0 else ({}, {})
-    for cells, least in ((singles, thresholds.LEAST_STRENGTH),
-                         (pairs, 2.0 * thresholds.LEAST_STRENGTH)):
-        while cells:
-            block = _blocks(values)
-            gain, names = max((gain_by(values, cell, block), names)
-                              for names, cell in cells.items())
-            if gain < least * power:
-                break
-            size = math.sqrt(gain / len(values))
-            for name in names:
-                found.setdefault(name, Dependence(
-                    name, gain / power, f'about {size:.2g} A RMS of the remaining error depend on '
-                    f'{" and ".join(names)}, in a way that no effect of the package describes'))
-            cell = cells.pop(names)
-            values = values - (np.bincount(cell, values) / np.maximum(np.bincount(cell), 1))[cell]
-    return sorted(found.values(), key=lambda item: -item.strength)
+    found: list[Dependence] = []
+    cells = _cells(samples, slowest) if power > 0.0 else {}
+    while cells:
+        block = _blocks(values)
+        gain, name = max((gain_by(values, cell, block), name) for name, cell in cells.items())
+        if gain < thresholds.LEAST_STRENGTH * power:
+            break
+        found.append(Dependence(
+            name, gain / power, f'about {math.sqrt(gain / len(values)):.2g} A RMS of the remaining '
+            f'error depend on {name}, in a way that no effect of the package describes'))
+        cell = cells.pop(name)
+        values = values - (np.bincount(cell, values) / np.maximum(np.bincount(cell), 1))[cell]
+    return sorted(found, key=lambda item: -item.strength)
 
 
 def gain_by(values: np.ndarray, cells: np.ndarray, block: np.ndarray) -> float:
@@ -553,16 +527,10 @@ def gain_by(values: np.ndarray, cells: np.ndarray, block: np.ndarray) -> float:
     return gain / max(1.0 - by_chance / power, 0.001)
 
 
-Cells = dict[tuple[str, ...], np.ndarray]
-
-
-def _cells(samples: Samples, slowest: float) -> tuple[Cells, Cells]:
-    """Return by variable, and by two of them, the cell of each sample.
-
-    Directions have their own, or signs cancel.
-    """
-    velocity, signals = np.asarray(samples.velocity), {}
-    cells: Cells = {}
+def _cells(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
+    """Return by variable the cell of each sample; directions have their own, or signs cancel."""
+    velocity = np.asarray(samples.velocity)
+    cells: dict[str, np.ndarray] = {}
     side = (velocity > 0).astype(int)
     moving = np.where(np.abs(velocity) > slowest, np.sign(velocity), 0.0)
     start = segment_starts(samples) | (np.diff(moving, prepend=moving[:1]) != 0)
@@ -578,11 +546,8 @@ def _cells(samples: Samples, slowest: float) -> tuple[Cells, Cells]:
         if name == 'position':
             # A ripple's phase changes with the speed.
             cell = 3 * cell + _ranges(np.abs(velocity), 3)
-        cells[name,] = cell if tails else 2 * cell + side
-        if name != 'history':
-            signals[name] = _ranges(values, _OF_PAIR)
-    return cells, {names: 2 * (_OF_PAIR * signals[names[0]] + signals[names[1]]) + side
-                   for names in combinations(signals, 2)}
+        cells[name] = cell if tails else 2 * cell + side
+    return cells
 
 
 def _blocks(values: np.ndarray) -> np.ndarray:

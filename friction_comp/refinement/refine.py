@@ -296,39 +296,36 @@ def _found_effect(fit: Fit, bounds: Intervals, terms: Sequence[Term], error: flo
                   ) -> FoundEffect:
     """Return the effect of one term, or of all terms of other joints."""
     term, table = terms[0], fit.table
-    kind = term.kind
-    chosen = min(fit.chosen(term) for term in terms)
+    kind, group = term.kind, term.group
     columns, values = table.columns_of[term], table.coefficients(fit.terms)
     own = [values[column] for column in columns]
-    ends = [list(bounds.coefficients[column]) for column in columns]
-    if term.group and term.group.kind == 'friction':
-        said = term.group.describe()
-        return FoundEffect(
-            name='friction_between', variable=kind.variable, held_out_rmse=error, chosen=chosen,
-            parameters={'coefficients': own}, intervals={'coefficients': ends},
-            holds_on_another_day=True,
-            in_words=f'{said[0].upper()}{said[1:]}: {own[0]:.4g} {unit} of Coulomb and '
+    about: dict[str, Any] = {
+        'name': kind.name, 'parameters': {'coefficients': own}, 'holds_on_another_day': True,
+        'intervals': {'coefficients': [list(bounds.coefficients[column]) for column in columns]}}
+    if group and group.kind == 'friction':
+        said = group.describe()
+        about |= {
+            'name': 'friction_between',
+            'in_words': f'{said[0].upper()}{said[1:]}: {own[0]:.4g} {unit} of Coulomb and '
             f'{own[1]:.4g} {unit} per rad/s of viscous friction',
-            formula=f'{own[0]:+.4g}·tanh(w/{term.group.width:.3g}) {own[1]:+.4g}·w, w = '
-            + ' '.join(f'{"+" if side > 0 else "-"}v_{name}' for name, side in term.group.angles))
-    if term.group:
-        moved = {name for term in terms if term.group for name in term.group.all_joints}
+            'formula': f'{own[0]:+.4g}·tanh(w/{group.width:.3g}) {own[1]:+.4g}·w, w = ' + ' '.join(
+                f'{"+" if side > 0 else "-"}v_{name}' for name, side in group.angles)}
+    elif group:
+        moved = {name for one in terms if one.group for name in one.group.all_joints}
         names = ', '.join(sorted(moved - {fit.rows.samples.joint}))
-        return FoundEffect(
-            name=kind.name, variable=kind.variable, held_out_rmse=error, chosen=chosen,
-            parameters={'coefficients': [1.0], 'terms': len(terms)}, intervals={},
-            holds_on_another_day=True,
-            in_words=f'Weight and inertia of other links: {len(terms)} terms of the motion of '
-            f'{names}',
-            formula=f'{len(terms)} terms of {names}')
-    effect = kind({**term.constants, 'coefficients': own})
-    constants = {name: list(own) for (owner, name), own in bounds.constants.items()
-                 if owner == term}
-    said, rivals = effect.describe(), fit.rivals.get(term, [])
-    if rivals:
-        said += f'; or {" or ".join(rivals).replace("_", " ")}: the recording does not tell'
-    return FoundEffect(
-        name=kind.name, variable=kind.variable, held_out_rmse=error, chosen=chosen,
-        parameters=effect.parameters, intervals={'coefficients': ends, **constants},
-        holds_on_another_day=effect.holds_on_another_day, in_words=in_unit(said, unit),
-        formula=effect.formula(), instead=rivals)
+        about |= {
+            'parameters': {'coefficients': [1.0], 'terms': len(terms)}, 'intervals': {},
+            'in_words': f'Weight and inertia of other links: {len(terms)} terms of the motion of '
+            f'{names}', 'formula': f'{len(terms)} terms of {names}'}
+    else:
+        effect = kind({**term.constants, 'coefficients': own})
+        about['intervals'] |= {name: list(ends) for (owner, name), ends in bounds.constants.items()
+                               if owner == term}
+        said, rivals = effect.describe(), fit.rivals.get(term, [])
+        if rivals:
+            said += f'; or {" or ".join(rivals).replace("_", " ")}: the recording does not tell'
+        about |= {
+            'parameters': effect.parameters, 'holds_on_another_day': effect.holds_on_another_day,
+            'in_words': in_unit(said, unit), 'formula': effect.formula(), 'instead': rivals}
+    return FoundEffect(variable=kind.variable, held_out_rmse=error,
+                       chosen=min(fit.chosen(one) for one in terms), **about)
