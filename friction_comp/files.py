@@ -245,15 +245,13 @@ def output_folder(path: Path) -> Iterator[Path]:
     try:
         unfinished.mkdir(parents=True)
         yield unfinished
-        for source in unfinished.rglob('*'):
-            target = path / source.relative_to(unfinished)
-            if target.exists() and (source.is_dir(), source.is_file()) != (
-                    target.is_dir(), target.is_file()):
-                raise InputError(f'{target}: exists and is no ordinary '
-                                 + ('folder' if source.is_dir() else 'file'))
-            if target.suffix != '.yaml':
-                _keep_input(target)
-        _move(unfinished, path)
+        with interrupts_deferred():
+            for source in sorted(unfinished.rglob('*')):
+                target = path / source.relative_to(unfinished)
+                if source.is_dir():
+                    target.mkdir(exist_ok=True)
+                else:
+                    source.replace(target)
         made.clear()
     except OSError as error:
         raise InputError(f'{path}: cannot be written: {error.strerror or error}') from None
@@ -265,15 +263,6 @@ def output_folder(path: Path) -> Iterator[Path]:
             for folder in made:
                 with suppress(OSError):
                     folder.rmdir()
-
-
-def _move(source: Path, target: Path) -> None:
-    """Move a file or folder; of a folder that is there already, all that is in it."""
-    if not (source.is_dir() and target.is_dir()):
-        os.replace(source, target)
-        return
-    for one in sorted(source.iterdir()):
-        _move(one, target / one.name)
 
 
 @contextmanager
@@ -290,11 +279,6 @@ def new_folder(path: Path) -> Iterator[Path]:
             yield unfinished / path.name
         except InputError as error:
             raise InputError(str(error).replace(str(unfinished / path.name), str(path))) from None
-
-
-def create(path: Path) -> BinaryIO:
-    """Return a new file that a recorder writes in its own place, chunk by chunk of up to 2 MB."""
-    return path.open('xb', buffering=1 << 21)
 
 
 def check_folder(path: AnyPath) -> None:
@@ -316,8 +300,6 @@ def check_file(path: AnyPath) -> None:
     with os_errors_name(path, 'cannot be written to: '):
         if path.exists() and not path.is_file():
             raise InputError(f'{path}: exists and is no ordinary file')
-        with suppress(FileNotFoundError, NotADirectoryError):
-            path.lstat()    # tells that a name is too long
     check_folder(path.parent)
 
 

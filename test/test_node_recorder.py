@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 import random
 import resource
+import shutil
 import signal
 from types import SimpleNamespace
 
@@ -70,6 +71,17 @@ def test_what_was_recorded_survives_the_recorder(tmp_path):
     assert len(current) >= len(before) > 100
     np.testing.assert_array_equal(np.diff(current), 1.0)
     assert any('not finished' in note for note in info.notes)
+
+
+def test_a_folder_that_is_deleted_ends_the_recorder_with_a_message(tmp_path):
+    folder = tmp_path / 'r'
+    with at_work(tmp_path, folder) as (recorder, probe, states, count):
+        shutil.rmtree(folder)
+        talk_until(probe, states, lambda n: not recorder.running, 'the end', count)
+        assert recorder.wait() == 2
+    assert 'was deleted while it was written' in recorder.text
+    assert 'Traceback' not in recorder.text
+    assert not folder.exists()
 
 
 def test_every_publisher_is_heard_from_its_first_message(tmp_path):

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
+from functools import partial, partialmethod
 import time
 import traceback
 from typing import Any
@@ -279,22 +279,15 @@ class CompensatorNode(LifecycleNode):
         self._set_state('inactive', 'inactive: zero current')
         return TransitionCallbackReturn.SUCCESS
 
-    def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
-        """Release topics and models."""
-        return self._released('unconfigured', 'cleaned up')
-
-    def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
-        """Command zero current if the node was active, and release everything."""
-        return self._released('finalized', 'shut down')
-
-    def on_error(self, state: Any) -> TransitionCallbackReturn:
-        """Command zero current; the node can be configured again."""
-        return self._released('unconfigured', 'an error in a transition')
-
-    def _released(self, state: str, text: str) -> TransitionCallbackReturn:
+    def _release(self, reached: str, text: str, _: Any) -> TransitionCallbackReturn:
+        """Command zero current if the node was active, and release topics and models."""
         self._disconnect()
-        self._set_state(state, text)
+        self._set_state(reached, text)
         return TransitionCallbackReturn.SUCCESS
+
+    on_cleanup = partialmethod(_release, 'unconfigured', 'cleaned up')
+    on_shutdown = partialmethod(_release, 'finalized', 'shut down')
+    on_error = partialmethod(_release, 'unconfigured', 'an error in a transition')
 
     def _set_state(self, state: str, text: str) -> None:
         self._state = state

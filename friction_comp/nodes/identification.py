@@ -50,10 +50,7 @@ class RunningGoal:
     places: np.ndarray | None = None    # of all joints then, rad
     last_feedback: float = -math.inf    # real time, s
     had_client: bool = False        # whether a client has waited for the result
-    # Whether joint states are silent, and were at the last check: in between, a state that waited
-    # to be read may say why.
-    silent: bool = False
-    was_silent: bool = False
+    silent: bool = False            # whether joint states are
 
 
 class IdentificationNode(Node):
@@ -271,7 +268,7 @@ class IdentificationNode(Node):
         others = ', '.join(self._port.others())
         for ends, why in (
                 # Simulated time may stop: its last state then stays valid.
-                (goal.was_silent and goal.silent and not self._simulated,
+                (goal.silent and not self._simulated,
                  _why_old(self._states, goal.joint, _SILENT)),
                 (not self.count_publishers(self.resolve_topic_name('joint_states')),
                  'joint_states have no publisher any more'),
@@ -280,7 +277,6 @@ class IdentificationNode(Node):
             if ends:
                 self._end(why)
                 break
-        goal.was_silent = goal.silent
 
     def _report(self) -> Any:
         values = {'joint_states per second of real time': self._rate.per_second(),

@@ -50,6 +50,10 @@ class RecorderNode(Node):
         if not self._ended:
             with self._note_failure():
                 self._writer.flush()
+                # An open file that was deleted takes messages without an error.
+                if not any(self._writer.path.glob('*.mcap')):
+                    raise InputError(f'{self._writer.path}: was deleted while it was written: '
+                                     'nothing is recorded any more')
 
     def _write(self, topic: str, stamp: int, cdr: bytes) -> None:
         if self._ended:

@@ -19,7 +19,7 @@ import numpy as np
 from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.files import AnyPath, create, new_folder, to_yaml, write_atomically
+from friction_comp.files import AnyPath, new_folder, to_yaml, write_atomically
 from friction_comp.messages import NANO, TOPICS
 from friction_comp.recordings import METADATA
 from friction_comp.samples import Samples
@@ -57,7 +57,7 @@ class RecordingWriter:
         self._name = f'{self.path.name}_0.mcap'
         with os_errors_name(self.path, 'cannot be written: '):
             self.path.mkdir(parents=True)
-            self._file = create(self.path / self._name)
+            self._file = (self.path / self._name).open('xb', buffering=1 << 21)
         # A thread syncs the file, since who records must not wait for the disk.
         self._thread = ThreadPoolExecutor(1)
         self._sync: Future[None] = self._thread.submit(lambda: None)

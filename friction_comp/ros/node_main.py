@@ -11,7 +11,7 @@ outside calls, end the spinning.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import Future, TimeoutError
+from concurrent.futures import ThreadPoolExecutor, TimeoutError
 from contextlib import ExitStack, suppress
 import gc
 import inspect
@@ -143,15 +143,9 @@ class StreamExecutor(executors.Executor):
 
         Raises InputError where the work fails, or takes longer than ten seconds.
         """
-        future: Future[T] = Future()
-
-        def run() -> None:
-            try:
-                future.set_result(work())
-            except Exception as error:
-                future.set_exception(error)
-        # A daemon, so that it does not hold up the end of the node.
-        threading.Thread(target=run, name=what, daemon=True).start()
+        pool = ThreadPoolExecutor(1)
+        future = pool.submit(work)
+        pool.shutdown(wait=False)
         end = time.monotonic() + _PATIENCE
         while not future.done() and time.monotonic() < end:
             self._process_streams(_POLL_PERIOD)
@@ -252,8 +246,6 @@ class StreamExecutor(executors.Executor):
                 task, entity, _ = self.wait_for_ready_callbacks(0.0, [self._slow_entities])
                 task()
                 error = task.exception()
-                if isinstance(error, InputError):
-                    raise error
                 if error is not None:
                     name = getattr(entity, 'srv_name', type(entity).__name__)
                     self._refuse(f'what reached {name} was ignored', error)
@@ -294,7 +286,7 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
     if unknown:
         raise InputError(f'unrecognized arguments: {" ".join(unknown)} (parameters and remappings '
                          'come after --ros-args)')
-    with dropping_log(name):
+    with dropping_log():
         start_ros(name, argv)
         try:
             return _run(make_node, signals)

@@ -7,18 +7,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 import os
-from pathlib import Path
 import re
-import select
+import stat
 import sys
-import threading
-import time
 from typing import Any
 
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
-from rclpy.logging import get_logging_directory
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -26,16 +22,13 @@ from friction_comp.errors import InputError
 from friction_comp.files import package_file
 
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-# Bytes that a pipe takes as a whole; s to wait until the reader of the log takes them, and in which
-# a program that ends waits for what it has logged.
-_PIECE, _PATIENCE, _FAREWELL = select.PIPE_BUF, 0.1, 0.5
 
 
 def start_ros(name: str, arguments: Sequence[str], context: Context | None = None) -> None:
     """Initialise ROS 2, by default its global context, without its signal handlers."""
     with _quick_middleware():
         try:
-            # The log file is written without waiting for it: see `dropping_log`.
+            # A log file could wait for its disk: see `dropping_log`.
             rclpy.init(args=[name, *arguments, '--ros-args', '--disable-external-lib-logs'],
                        context=context, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:
@@ -84,53 +77,25 @@ def without_source_locations(error: Exception) -> str:
 
 
 @contextmanager
-def dropping_log(name: str) -> Iterator[None]:
+def dropping_log() -> Iterator[None]:
     """Drop what standard error does not take at once, whoever writes it, in the block.
 
     A log line of ROS 2 is written by compiled code that holds Python's interpreter lock: where
     standard error is a pipe that nobody reads, such as that of a ``| less`` at its first page, one
-    line would stop every thread of a node, its watchdog included. Standard error therefore becomes
-    a pipe that never blocks, and a thread forwards what comes through it. It also writes the log
-    file of ROS 2, of the program's `name`.
+    line would stop every thread of a node, its watchdog included.
     """
     os.environ['RCUTILS_LOGGING_USE_STDOUT'] = '0'
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
-    target = os.dup(2)
-    os.dup2(writer, 2)
-    os.close(writer)
-    if os.isatty(target):
-        # ROS 2 would see a pipe.
-        os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '1')
-    thread = threading.Thread(target=_forward, args=(reader, target, name), daemon=True)
-    thread.start()
+    before = os.dup(2)
+    with suppress(OSError):
+        if not stat.S_ISREG(os.fstat(2).st_mode):
+            # Opened anew, since whoever started this program writes there, too.
+            own = os.open('/proc/self/fd/2', os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+            os.dup2(own, 2)
+            os.close(own)
     try:
         yield
     finally:
         with suppress(OSError):
             sys.stderr.flush()
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        # The thread then finds the end of its pipe.
-        os.dup2(nowhere, 2)
-        os.close(nowhere)
-        thread.join(_FAREWELL)
-        if not thread.is_alive():
-            os.dup2(target, 2)
-            os.close(target)
-            os.close(reader)
-
-
-def _forward(reader: int, target: int, name: str) -> None:
-    log = -1
-    with suppress(OSError):
-        folder = Path(get_logging_directory())
-        folder.mkdir(parents=True, exist_ok=True)
-        log = os.open(folder / f'{name}_{os.getpid()}_{time.time_ns() // 1_000_000}.log',
-                      os.O_WRONLY | os.O_CREAT, 0o644)
-    while piece := os.read(reader, _PIECE):
-        # There may be no folder for the log file, and no reader any more.
-        with suppress(OSError):
-            os.write(log, piece)
-        if select.select([], [target], [], _PATIENCE)[1]:
-            with suppress(OSError):
-                os.write(target, piece)
+        os.dup2(before, 2)
+        os.close(before)
