@@ -5,6 +5,7 @@
 Of recordings and of tables of means, on simulated and on measured drives.
 """
 
+from argparse import Namespace
 from contextlib import redirect_stdout
 import csv
 from dataclasses import replace
@@ -32,8 +33,7 @@ from friction_comp.refinement.judge import Finding, verdict_of
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import predict as run_predict
-from friction_comp.tools.recorded_drive import Given, showing_friction, with_current_limit
-from friction_comp.tools.refine import refine as run_refine
+from friction_comp.tools.refine import refine as run_refine, showing_friction, with_current_limit
 from simulated_recordings import excitation_for, random_drive, record
 
 RATE = 125.0  # Hz
@@ -251,7 +251,7 @@ def test_the_current_limit_is_the_largest_that_lasted():
     time = np.arange(300) * 0.01
     recorded = Samples(time=time, position=np.sin(time), current=7.25 * np.cos(time))
     recorded.current[[150, 299]] = 200.0, np.nan
-    drive, note = with_current_limit(Given(), Drive(1.0, 1.0), [recorded])
+    drive, note = with_current_limit(Namespace(model=None), Drive(1.0, 1.0), [recorded])
     assert drive.current_limit == pytest.approx(7.25, rel=1e-3)
     assert 'current_limit' in note
 

@@ -35,7 +35,7 @@ def refined_where_first(arguments, item):
     """Refine the first recording; never finish with another."""
     if item.piece.path.name != 'day_0':
         threading.Event().wait()
-    from friction_comp.tools.refine_forms import _refine_one
+    from friction_comp.tools.refine import _refine_one
     return _refine_one(arguments, item)
 
 
@@ -43,6 +43,6 @@ if __name__ == '__main__':
     import work_that_may_die
 
     from friction_comp.__main__ import main
-    from friction_comp.tools import refine_forms
-    refine_forms._refine_one = work_that_may_die.refined_where_first
+    from friction_comp.tools import refine
+    refine._refine_one = work_that_may_die.refined_where_first
     sys.exit(main(sys.argv[1:]))

@@ -21,16 +21,12 @@ from typing import Any, NoReturn, TYPE_CHECKING, TypeVar
 
 from friction_comp.errors import check_number, check_whole_number, InputError
 from friction_comp.files import check_file, check_folder, encodable, output_folder, write_report
-from friction_comp.tables.columns import Column, Layout, without_time
-from friction_comp.tables.table_files import is_table, Table
-from friction_comp.tools.recorded_drive import Given
+from friction_comp.tables.columns import Layout
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
 
 T = TypeVar('T')
-OF_TABLE = ('columns', 'unit', 'rate', 'stiffness', 'damping')
-"""Arguments that tell how the columns of a table are read."""
 
 
 class Arguments(argparse.ArgumentParser):
@@ -127,16 +123,6 @@ def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) 
         raise argparse.ArgumentTypeError(str(error).strip()) from None
 
 
-def given_of(arguments: Namespace) -> Given:
-    """Return what the arguments tell of a drive and its recordings."""
-    return Given(
-        joint=arguments.joint, model=arguments.model, torque_constant=arguments.torque_constant,
-        gear_ratio=arguments.gear_ratio, figures=arguments.figures,
-        layout=layout_of(arguments),
-        of_table={f'{name}_of_table': value for name in OF_TABLE
-                  if (value := getattr(arguments, name))})
-
-
 def layout_of(arguments: Namespace) -> Layout:
     """Return the layout of a table according to the arguments that describe it."""
     columns = read_pairs(arguments.columns, '--columns') if arguments.columns else {}
@@ -163,14 +149,6 @@ def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time
             raise InputError(f'{what}: names {name} twice')
         pairs[name] = value
     return pairs
-
-
-def steady_states(arguments: Namespace) -> tuple[Column, Column] | None:
-    """Return velocity and effort if the only recording is a table of steady states, else None."""
-    path, *others = arguments.recordings
-    if others or not is_table(path) or path.is_dir():
-        return None
-    return without_time(Table(path).names, layout_of(arguments), path)
 
 
 def write_results(arguments: Namespace, content: dict[str, Any], page: Any,
