@@ -70,8 +70,3 @@ def __getattr__(name: str) -> object:
     value = getattr(importlib.import_module(_HOMES[name]), name)
     globals()[name] = value
     return value
-
-
-def __dir__() -> list[str]:
-    """List the public names together with those already defined."""
-    return sorted({*globals(), *__all__})

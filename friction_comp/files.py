@@ -182,11 +182,6 @@ def to_yaml(document: Any) -> str:
                          width=96, default_flow_style=None))
 
 
-def encodable(text: str) -> str:
-    r"""Return text for UTF-8: other bytes, as of file names, become escapes such as ``\udcfc``."""
-    return text.encode('utf-8', 'backslashreplace').decode('utf-8')
-
-
 # Out.
 
 def write_atomically(path: AnyPath, content: str | bytes, sync: bool = True,
@@ -197,7 +192,8 @@ def write_atomically(path: AnyPath, content: str | bytes, sync: bool = True,
     or is one that was read: only a model may replace one.
     """
     path = Path(path)
-    data = encodable(content).encode('utf-8') if isinstance(content, str) else content
+    # Other bytes, as of file names, become escapes.
+    data = content.encode('utf-8', 'backslashreplace') if isinstance(content, str) else content
     with os_errors_name(path, 'cannot be written: '):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_file():
@@ -381,7 +377,7 @@ def parse_yaml(text: str, where: object) -> Any:
 
 def write_report(folder: Path, content: dict[str, Any], page: Any, command: str) -> None:
     """Write report.json and report.html, a `reports.html.Report` whose footer names the command."""
-    (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
+    write_atomically(folder / 'report.json', to_json(content), sync=False)
     page.made_by(command)
     page.save(folder / 'report.html')
 
@@ -393,7 +389,7 @@ def to_json(content: dict[str, Any]) -> str:
     """
     # The version increases when an entry is removed or changes its meaning.
     values = {'version': 1, **plain(content, not_finite=None)}
-    return encodable(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)) + '\n'
+    return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + '\n'
 
 
 def plain(value: Any, not_finite: float | None = math.nan) -> Any:

@@ -20,7 +20,13 @@ import sys
 from typing import Any, NoReturn, TYPE_CHECKING, TypeVar
 
 from friction_comp.errors import check_number, check_whole_number, InputError
-from friction_comp.files import check_file, check_folder, encodable, output_folder, write_report
+from friction_comp.files import (
+    check_file,
+    check_folder,
+    output_folder,
+    write_atomically,
+    write_report,
+)
 from friction_comp.tables.columns import Layout
 
 if TYPE_CHECKING:
@@ -160,4 +166,4 @@ def write_results(arguments: Namespace, content: dict[str, Any], page: Any,
         if model is not None:
             model.save(folder / 'model.yaml')
         for name, text in (files or {}).items():
-            (folder / name).write_text(encodable(text), encoding='utf-8')
+            write_atomically(folder / name, text, sync=False)

@@ -77,6 +77,3 @@ def check_machine() -> Iterator[tuple[str, str, str, str]]:
     if wanted:
         yield ('problem', 'actions', f'no {", ".join(wanted)}',
                'build the package again: make setup, or colcon build')
-    if (load := os.getloadavg()[0] / (os.cpu_count() or 1)) > 1.0:
-        yield ('warning', 'load', f'{load:.1f} processes wait for each processor core',
-               'nothing else should run beside a control loop')

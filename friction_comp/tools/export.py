@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from friction_comp import __version__
-from friction_comp.errors import errors_name, InputError
-from friction_comp.files import plain, read_yaml, to_yaml, write_atomically
+from friction_comp.errors import errors_name
+from friction_comp.files import plain, to_yaml, write_atomically
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import (
     friction_of,
@@ -99,36 +99,14 @@ def export(argv: list[str] | None = None) -> int:
     parser.add_output('the file to write')
     arguments = parser.parse(argv)
     model = FrictionModel.load(arguments.model, arguments.joint)
-    with errors_name(arguments.model):
-        if arguments.to == 'csv':
-            return _write_table(arguments, model)
-        return _write_joint(arguments, model)
-
-
-def _write_joint(arguments: Namespace, model: FrictionModel) -> int:
-    form, joint = arguments.to, simulator_joint(model, arguments.to)
-    if form not in ('tanh', 'json'):
-        joint = joint.passive()
     name = arguments.joint or model.joint or 'joint'
-    remarks = in_own_units(_remarks(joint, arguments, model), model.is_linear)
-    write_atomically(arguments.output, document(form, name, joint, remarks))
-    print(f'{arguments.output}: {name}')
-    for line in remarks[1:]:
-        print(f'  {line}')
-    return 0
-
-
-def _write_table(arguments: Namespace, model: FrictionModel) -> int:
-    if arguments.joint and 'joints' not in read_yaml(arguments.model):
-        raise InputError('--joint is the name of the joint in the file: a table has none')
-    joint = simulator_joint(model, 'csv')
-    names = in_own_units(('velocity (rad/s)', 'torque (N·m)'), model.is_linear)
-    write_atomically(arguments.output, '\n'.join([
-        ','.join(names), *(f'{v:.6g},{torque:.6g}' for v, torque in zip(*joint.table))]) + '\n')
-    print(f'{arguments.output}: {len(joint.table[0])} rows')
-    for line in [_missed(*loss_of(model, joint), joint),
-                 *(f'Not in it: {line}' for line in joint.left_out), *cautions(model)]:
-        print(f'  {in_own_units(line, model.is_linear)}')
+    with errors_name(arguments.model):
+        joint = simulator_joint(model, arguments.to)
+        if arguments.to not in ('tanh', 'json', 'csv'):
+            joint = joint.passive()
+        remarks = in_own_units(_remarks(joint, arguments, model), model.is_linear)
+    write_atomically(arguments.output, document(arguments.to, name, joint, remarks))
+    print(f'{arguments.output}: {name}', *(f'  {line}' for line in remarks[1:]), sep='\n')
     return 0
 
 
@@ -170,6 +148,9 @@ def _missed(torque: float, share: float, joint: SimulatorJoint) -> str:
 
 def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
     """Return the text of a file."""
+    if form == 'csv':
+        return '\n'.join([in_own_units('velocity (rad/s),torque (N·m)', joint.unit == 'N'), *(
+            f'{speed:.6g},{torque:.6g}' for speed, torque in zip(*joint.table))]) + '\n'
     springs = () if joint.stiffness else ('stiffness', 'rest')
     numbers: dict[str, Any] = {
         key: value for number, key in _KEYS[form].items()

@@ -17,7 +17,6 @@ from functools import partial
 from itertools import compress
 import os
 from pathlib import Path
-import time
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -25,12 +24,12 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import (
-    encodable,
     file_names,
     output_folder,
     read_yaml,
     to_json,
     to_yaml,
+    write_atomically,
     write_report,
 )
 from friction_comp.statistics import rms
@@ -433,15 +432,11 @@ def refine_whole_arm(arguments: Namespace) -> int:
             warnings=notes_on(recordings[name]), assumed=assumed_in(arguments, recordings[name]),
             notes={'refined_from': names, 'urdf': str(arguments.urdf), **limits[name]})
             for name in recorded}
-        try:
+        with errors_name(names[0]):
             result = refine_arm(
                 recorded, arguments.urdf, drives, models, recorded if given else models,
                 [arguments.joint] if arguments.joint else None,
                 lambda share, word: report(0.1 + 0.8 * share, word), not in_ampere, origins)
-        except InputError as error:
-            # Name the recording, unless a file is named already.
-            named = str(error).startswith((str(arguments.urdf), names[0]))
-            raise InputError(f'{"" if named else f"{names[0]}: "}{error}') from None
         report(0.9, 'writing')
         with output_folder(arguments.output) as folder:
             _write(folder, result, names, arguments)
@@ -531,7 +526,6 @@ def refine_each(arguments: Namespace) -> int:
     from friction_comp.reports.other_pages import each_page, fleet_verdict, verdict
     from friction_comp.reports.refinement_page import effect_names
 
-    begin = time.monotonic()
     with progress('reading') as show:
         pieces, failures = pieces_of(arguments.recordings, arguments.joint, arguments.layout)
         with _runner(arguments, len(pieces)) as run:
@@ -542,8 +536,7 @@ def refine_each(arguments: Namespace) -> int:
         populations = populations_of(done)
         content: dict[str, Any] = {
             'recordings': done, 'failed': sorted(failed),
-            'out': {population.joint: population.out for population in populations},
-            'seconds': time.monotonic() - begin}
+            'out': {population.joint: population.out for population in populations}}
         files = {'fleet.json': fleet_json(populations)} if populations else {}
         write_results(arguments, content, each_page(content, populations), files=files)
     lines = [
@@ -599,7 +592,7 @@ def _refine(arguments: Namespace, items: Sequence[_Item], run: Runner, show: Cal
                 row, files = outcome
                 with output_folder(arguments.output / item.folder) as folder:
                     for name, text in files.items():
-                        (folder / name).write_text(encodable(text), encoding='utf-8')
+                        write_atomically(folder / name, text, sync=False)
                 done.append({'recording': str(item.piece.path), 'folder': item.folder,
                              'robot': item.robot, **row})
             show(count / len(items), f'{count} of {len(items)}: {item}')
@@ -611,7 +604,7 @@ def _refine_one(arguments: Namespace, item: _Item) -> tuple[dict[str, Any], dict
     from friction_comp.evaluation.fleet import NUMBERS
     from friction_comp.reports.refinement_page import refinement_page
 
-    begin, piece = time.monotonic(), item.piece
+    piece = item.piece
     result = refine_recordings(Namespace(**{
         **vars(arguments), 'joint': piece.joint, 'recordings': [piece.path]}))
     report = result.content()
@@ -629,6 +622,5 @@ def _refine_one(arguments: Namespace, item: _Item) -> tuple[dict[str, Any], dict
                      for name in NUMBERS if name in intervals},
         'effects': [{'name': effect['name'], 'variable': effect['variable']}
                     for effect in report['effects']],
-        'unexplained': [entry['variable'] for entry in report['unexplained']],
-        'seconds': time.monotonic() - begin}
+        'unexplained': [entry['variable'] for entry in report['unexplained']]}
     return row, files
