@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
@@ -36,7 +36,7 @@ from friction_comp.statistics import rms
 from friction_comp.tables.columns import Column, parse_unit, read_name, unit_of, without_time
 from friction_comp.tables.table_files import is_table, Table
 from friction_comp.terminal import in_own_units, number, progress
-from friction_comp.tools.common import Arguments, layout_of, positive, whole_number, write_results
+from friction_comp.tools.common import Arguments, layout_of, positive, write_results
 
 if TYPE_CHECKING:
     from friction_comp.arm.fit import ArmResult
@@ -64,8 +64,6 @@ def refine(argv: list[str] | None = None) -> int:
                         help='k_t in N·m/A: current is effort / (k_t · n)')
     parser.add_argument('--gear-ratio', metavar='N', type=positive,
                         help='n, motor turns per joint turn')
-    parser.add_argument('--jobs', metavar='N', type=whole_number(), help='processes for --each, a '
-                        'recording each (as many as processors, where that saves time)')
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help='model to start from, or with the drive alone')
     parser.add_argument('--urdf', metavar='FILE', type=Path,
@@ -79,17 +77,13 @@ def refine(argv: list[str] | None = None) -> int:
     arguments.unit, arguments.figures = _units(arguments.unit)
     arguments.layout = layout_of(arguments)
     arguments.knows_drive = bool(arguments.torque_constant or arguments.gear_ratio)
-    if arguments.scheduler and (arguments.jobs or not arguments.each):
-        raise InputError('--scheduler goes with --each, and without --jobs: Dask decides how many '
-                         'recordings are refined at once')
+    if arguments.scheduler and not arguments.each:
+        raise InputError('--scheduler goes with --each')
     means = steady_states(arguments)
     if means is not None:
         return refine_table(arguments, means)
     if arguments.each:
         return refine_each(arguments)
-    if arguments.jobs:
-        raise InputError('--jobs goes with --each: several recordings that give one model are '
-                         'fitted together')
     if arguments.urdf:
         return refine_whole_arm(arguments)
     names = [str(path) for path in arguments.recordings]
@@ -522,13 +516,17 @@ def refine_each(arguments: Namespace) -> int:
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
     from friction_comp.evaluation.fleet import fleet_json, populations_of
+    from friction_comp.parallel import run_each, runner_on_cluster
     from friction_comp.recordings.reader import pieces_of
     from friction_comp.reports.other_pages import each_page, fleet_verdict, verdict
     from friction_comp.reports.refinement_page import effect_names
 
     with progress('reading') as show:
         pieces, failures = pieces_of(arguments.recordings, arguments.joint, arguments.layout)
-        with _runner(arguments, len(pieces)) as run:
+        # From eight on, processes save more time than their start takes, some seconds each.
+        jobs = os.cpu_count() or 1 if len(pieces) >= 8 else 1
+        with runner_on_cluster(arguments.scheduler) if arguments.scheduler else nullcontext(
+                partial(run_each, jobs=jobs)) as run:
             done, failed = _refine(arguments, _items(pieces), run, show)
             failed += failures
             if not done:
@@ -547,19 +545,6 @@ def refine_each(arguments: Namespace) -> int:
         *(f'left out: {reason}' for reason in content['failed'])]
     print(*(line.replace('**', '') for line in lines), arguments.output / 'report.html', sep='\n')
     return 0
-
-
-@contextmanager
-def _runner(arguments: Namespace, count: int) -> Iterator[Runner]:
-    """Yield a function that does work on the recordings, here, in processes or on a cluster."""
-    from friction_comp.parallel import run_each, runner_on_cluster
-
-    if arguments.scheduler:
-        with runner_on_cluster(arguments.scheduler) as run:
-            yield run
-    else:
-        # From eight on, processes save more time than their start takes, some seconds each.
-        yield partial(run_each, jobs=arguments.jobs or (os.cpu_count() or 1 if count >= 8 else 1))
 
 
 def _items(pieces: Sequence[Piece]) -> list[_Item]:
