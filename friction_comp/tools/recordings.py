@@ -90,26 +90,16 @@ def teach(argv: list[str] | None = None) -> int:
     import numpy as np
 
     from friction_comp.direction import exercise
-    from friction_comp.recordings.reader import find_recording, read_arm
+    from friction_comp.recordings.reader import read_joints
 
-    with progress('reading') as report:
-        arm = read_arm(find_recording(arguments.recording), progress=report,
-                       layout=layout_of(arguments))
-    joints = [arguments.joint] if arguments.joint else list(arm)
-    if unknown := set(joints) - set(arm):
-        raise InputError(f'{arguments.recording}: no joint {unknown.pop()!r}; it has '
-                         f'{", ".join(arm)}')
-    samples = [arm[joint][0][0] for joint in joints]
+    with progress('reading'):
+        joints, _ = read_joints(arguments.recording, arguments.joint, layout_of(arguments))
+    names = [one.joint for one in joints]
     with errors_name(arguments.recording):
-        begin = max(float(one.time[0]) for one in samples)
-        end = min(float(one.time[-1]) for one in samples)
-        time = samples[0].time[(samples[0].time >= begin) & (samples[0].time <= end)]
-        if len(time) < 2:
-            raise InputError('the joints were not recorded at the same time')
-        position = np.column_stack([np.interp(time, one.time, one.position) for one in samples])
-        document, _ = exercise.teach(joints, time, position)
+        document, _ = exercise.teach(
+            names, joints[0].time, np.column_stack([one.position for one in joints]))
     script = exercise.exercise_of(document)
     write_atomically(arguments.output, to_yaml(document))
     print(f'{arguments.output}: {len(script.times)} waypoints in {script.duration:.1f} s of '
-          f'{", ".join(joints)}')
+          f'{", ".join(names)}')
     return 0
