@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from std_msgs.msg import Int8MultiArray
 
 from friction_comp.arm.fit import refine_arm
 from friction_comp.demo import pages
@@ -99,7 +98,7 @@ class DemoSystem:
         # Listeners are compensator and recorder, and the demo itself, when all is recorded.
         self.start_exercise(wait_for_listeners=3, **exercise)
         self.wait_for_recorder()
-        with self.ros.subscribed(Int8MultiArray, 'direction'):
+        with self.ros.subscribed_to_direction():
             self.follow(title)
         self.nodes.stop('recorder')
 

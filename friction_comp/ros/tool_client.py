@@ -28,7 +28,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from friction_comp.errors import InputError
@@ -148,6 +148,10 @@ class ToolClient:
             yield
         finally:
             self.node.destroy_subscription(subscription)
+
+    def subscribed_to_direction(self) -> Any:
+        """Subscribe to the direction within a block: the exercise waits for a subscription."""
+        return self.subscribed(Int8MultiArray, 'direction')
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
         """Set a parameter of a running node."""
