@@ -15,19 +15,15 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 import math
-import os
 from pathlib import Path
 import signal
 import tempfile
 import time
 from typing import NamedTuple
 
-from bench_tools import ROOT, table_parser
+from bench_tools import table_parser
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from ros_system import (
     BEST_EFFORT,
     FakeDriver,
@@ -104,13 +100,6 @@ class Rig:
                 return
         raise AssertionError(f'no current: {self.process.text}')
 
-    def ask(self, kind, service, request):
-        """Call a service of the compensator while there is a current."""
-        client = self.probe.create_client(kind, f'/compensator/{service}')
-        self.probe.until(client.service_is_ready, 'the service', 10.0)
-        self.drive()
-        client.call_async(request)
-
     @property
     def current(self):
         commands = self.driver.commands
@@ -135,19 +124,12 @@ def try_once(folder, fault):
         begin = time.monotonic()
         delay = None
         while time.monotonic() - begin < 1.0:
-            try:
-                go_on()
-            except BrokeOffError:
-                return False, 0.0
+            go_on()
             if rig.current == 0.0:
                 delay = delay if delay is not None else time.monotonic() - begin
             elif delay is not None:
                 return False, 0.0
         return delay is not None and delay <= fault.within, delay or 0.0
-
-
-class BrokeOffError(Exception):
-    """The current ended where it should have gone on."""
 
 
 # What begins a fault; each returns what is done again and again while the fault lasts.
@@ -201,59 +183,14 @@ def signalled(name, process='process', then='send'):
     return begin
 
 
-def asked(number, then=lambda rig: rig.send):
-    """Ask for a transition."""
-    def begin(rig):
-        rig.ask(ChangeState, 'change_state',
-                ChangeState.Request(transition=Transition(id=number)))
-        return then(rig)
-    return begin
-
-
-# Where the current must not break off: the old model goes on, and so does the loop.
-
-def with_parameter(name, value):
-    """Set a parameter to what a function gives."""
-    def begin(rig):
-        rig.ask(SetParameters, 'set_parameters', SetParameters.Request(
-            parameters=[ParameterMessage(name=name, value=value())]))
-        return goes_on(rig)
-    return begin
-
-
-def with_model(write):
-    """Name a model file that a function writes to a path."""
-    def value():
-        path = Path(tempfile.mkdtemp()) / 'model.yaml'
-        write(path)
-        return Parameter('x', value=[str(path)]).get_parameter_value()
-    return with_parameter('model_files', value)
-
-
-def clock_before_zero(rig):
-    rig.ticks.publish(tick(-5 * 10**9))
-    return goes_on(rig)
-
-
-def goes_on(rig):
-    """Stream on, with a current throughout, and end in silence."""
-    begin = sent = time.monotonic()
-    calm = 0
-
-    def step():
-        nonlocal sent, calm
-        now = time.monotonic()
-        if now - begin > 0.7:
-            rig.probe.spin_for(0.002)
-            return
-        # Where this process itself was held up, the watchdog was right.
-        calm = 0 if now - sent > TIMEOUT / 3 else calm + 1
-        sent = now
-        rig.driver.announce([1])
-        rig.send()
-        if calm > 20 and rig.current < 0.05:
-            raise BrokeOffError
-    return step
+def deactivated(rig):
+    """Ask for the transition while there is a current."""
+    client = rig.probe.create_client(ChangeState, '/compensator/change_state')
+    rig.probe.until(client.service_is_ready, 'the service', 10.0)
+    rig.drive()
+    client.call_async(ChangeState.Request(
+        transition=Transition(id=Transition.TRANSITION_DEACTIVATE)))
+    return rig.send
 
 
 class Fault(NamedTuple):
@@ -266,7 +203,6 @@ class Fault(NamedTuple):
     led: bool = False
 
 
-MODEL = (ROOT / 'config' / 'armin_configuration_1.yaml').read_text(encoding='utf-8')
 ENDING = ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2', 'SIGALRM',
           'SIGTSTP', 'SIGTTIN')
 # The node direction knows the silence of a leader after 0.25 s, that of a planner after 0.5 s.
@@ -293,21 +229,12 @@ FAULTS = (
     Fault('velocity in deg/s', in_degrees, 0.7),
     Fault('another commander', with_commander, 0.5),
     *(Fault(f'{name} to the compensator', signalled(name)) for name in ENDING),
-    Fault('deactivated', asked(Transition.TRANSITION_DEACTIVATE), 0.5),
+    Fault('deactivated', deactivated, 0.5),
     Fault('leader falls silent', lambda rig: rig.send, LED, led=True),
     Fault('leader is not a number', lambda rig: partial(rig.lead, float('nan')), LED, led=True),
     Fault('leader stands still', lambda rig: partial(rig.lead, leader_place()), LED, led=True),
     *(Fault(f'{name} to direction', signalled(name, 'source', 'lead'), within + SLACK, led=True)
       for name, within in {'SIGTERM': TIMEOUT, 'SIGKILL': 0.5, 'SIGSTOP': 0.5}.items()),
-    *(Fault(f'{name} while active', asked(number, goes_on), 1.0)
-      for name, number in {'configure': 1, 'cleanup': 2, 'activate': 3}.items()),
-    Fault('parameter of unknown type', with_parameter('law', lambda: ParameterValue(type=77)), 1.0),
-    Fault('/clock before zero', clock_before_zero, 1.0, simulated=True),
-    Fault('model file is a pipe', with_model(os.mkfifo), 1.0),
-    Fault('model file of 1.8 MB', with_model(lambda path: path.write_text(
-        MODEL + 'notes:\n' + ''.join(f'  n{k}: {80 * "x"}\n' for k in range(20_000)))), 1.0),
-    Fault('model with 99.5 A of breakaway', with_model(
-        lambda path: path.write_text(MODEL.replace('mean: 0.0995', 'mean: 99.5'))), 1.0),
 )
 
 
