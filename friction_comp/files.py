@@ -241,9 +241,15 @@ def output_folder(path: Path) -> Iterator[Path]:
     try:
         unfinished.mkdir(parents=True)
         yield unfinished
+        moves = {source: path / source.relative_to(unfinished)
+                 for source in sorted(unfinished.rglob('*'))}
+        for source, target in moves.items():
+            if target.exists() and not (target.is_dir() if source.is_dir() else target.is_file()):
+                raise InputError(f'{target}: exists and is of another kind')
+            if target.suffix != '.yaml':
+                _keep_input(target)
         with interrupts_deferred():
-            for source in sorted(unfinished.rglob('*')):
-                target = path / source.relative_to(unfinished)
+            for source, target in moves.items():
                 if source.is_dir():
                     target.mkdir(exist_ok=True)
                 else:

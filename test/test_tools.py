@@ -152,7 +152,8 @@ def test_output_appears_only_when_all_is_done(tmp_path):
     def write(text, ending):
         with output_folder(tmp_path / 'a' / 'b') as folder:
             (folder / 'deep').mkdir()
-            (folder / 'deep' / 'one.txt').write_text(text)
+            for name in ('first.txt', 'one.txt')[text == 'whole':]:
+                (folder / 'deep' / name).write_text(text)
             assert text != 'whole' or not (tmp_path / 'a' / 'b' / 'deep').exists()
             if ending:
                 raise ending
@@ -165,6 +166,12 @@ def test_output_appears_only_when_all_is_done(tmp_path):
         write('half', InputError('no good'))
     one, = (path for path in tmp_path.rglob('*') if path.is_file())
     assert (one.name, one.read_text()) == ('one.txt', 'whole')
+    one.unlink()
+    one.mkdir()
+    (one.parent / 'first.txt').write_text('kept')
+    with pytest.raises(InputError, match='one.txt: exists'):
+        write('half', None)
+    assert (one.parent / 'first.txt').read_text() == 'kept'
 
 
 def test_arguments_that_are_wrong_take_one_line(capsys):

@@ -11,7 +11,7 @@ outside calls, end the spinning.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import ThreadPoolExecutor, TimeoutError
+from concurrent.futures import Future, TimeoutError
 from contextlib import ExitStack, suppress
 import gc
 import inspect
@@ -143,9 +143,15 @@ class StreamExecutor(executors.Executor):
 
         Raises InputError where the work fails, or takes longer than ten seconds.
         """
-        pool = ThreadPoolExecutor(1)
-        future = pool.submit(work)
-        pool.shutdown(wait=False)
+        future: Future[T] = Future()
+
+        def run() -> None:
+            try:
+                future.set_result(work())
+            except Exception as error:
+                future.set_exception(error)
+        # A daemon, unlike an executor's: work that hangs must not hold up the end of the node.
+        threading.Thread(target=run, name=what, daemon=True).start()
         end = time.monotonic() + _PATIENCE
         while not future.done() and time.monotonic() < end:
             self._process_streams(_POLL_PERIOD)
