@@ -43,14 +43,15 @@ def test_a_name_tells_signal_joint_and_unit(name, signal, joint, unit):
 @pytest.mark.parametrize(('signal', 'text', 'factor'), [
     ('position', 'deg', math.pi / 180.0), ('position', 'counts/4096', 2.0 * math.pi / 4096),
     ('position', 'inch', 0.0254), ('velocity', '0.229rpm', 0.229 * math.pi / 30.0),
-    ('velocity', 'deg', math.pi / 180.0), ('velocity', 'rad·s⁻¹', 1.0),
+    ('velocity', 'deg', math.pi / 180.0),
     ('velocity', 'counts/100/s', 0.02 * math.pi), ('velocity', '1/min', math.pi / 30.0),
     ('effort', 'kN·m', 1e3), ('effort', 'N cm', 0.01), ('effort', 'lbft', 1.3558179),
     ('effort', '-1Nm', -1.0), ('effort', '2.69mA', 2.69e-3), ('effort', 'kgf·cm', 0.0980665),
-    ('time', 'µs', 1e-6), ('time', 'counts/100', 0.01), ('load', 'mNm', 1e-3),
+    ('time', 'µs', 1e-6), ('time', '0.01s', 0.01), ('load', 'mNm', 1e-3),
     # What a signal cannot have, or nobody knows.
     ('position', 'A', None), ('effort', 'rad', None), ('effort', 'V', None), ('load', 'A', None),
-    ('time', 'counts/0', None), ('effort', '0mA', None), ('velocity', 'rad/s/s', None),
+    ('position', 'counts/0', None), ('time', 'counts/100', None), ('effort', '0mA', None),
+    ('velocity', 'rad/s/s', None),
     ('effort', 'Nm/Nm/s', None), ('position', '', None), ('position', 'furlong', None)])
 def test_units_have_a_factor_before_them_and_a_time_behind(signal, text, factor):
     unit = unit_of(signal, text)

@@ -266,7 +266,7 @@ def test_times_that_cannot_be_seconds_are_asked(tmp_path, refuses, per_second, u
     path = write(tmp_path / 'log.csv', t=1e3 * time, q=position, tau=velocity)
     refuses('has rows 4 apart, which show no motion if these are seconds', 'refine', path)
     for layout in (Layout(units={'time': 'ms'}), Layout(rate=250.0), Layout(
-            {'time': 't'}, {'time': 'counts/1000'})):
+            {'time': 't'}, {'time': '0.001s'})):
         samples, = read_recording(path, layout=layout)
         np.testing.assert_allclose(samples.time, time, atol=1e-9)
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
 import math
 from pathlib import Path
 from typing import Any
@@ -41,10 +40,7 @@ class Bag(Scan):
                  units: Mapping[str, Unit] | None = None, first: float = math.inf) -> None:
         super().__init__(path, joint, first)
         units = units or {}
-        factors = [units[signal].factor if signal in units else 1.0 for signal in STATES]
-        self.tracks = [replace(track, values={
-            name: values * factors for name, values in track.values.items()})
-            if units and track.signal == 'joint_states' else track for track in self.tracks]
+        self._factors = [units[signal].factor if signal in units else 1.0 for signal in STATES]
         dimensions = {unit.dimension for unit in units.values()}
         self.in_ampere = self.in_ampere or 'current' in dimensions
         self.linear = bool(dimensions & {'length', 'length/time', 'force'})
@@ -79,14 +75,13 @@ class Bag(Scan):
 
         Raises InputError with the choices if it is not clear.
         """
-        joints, wanted, topics = self._joints, TOPICS['joint_states'], self.topics
+        joints, wanted = self._joints, TOPICS['joint_states']
         if not joints:
-            own = sorted(topic for topic, (kind, _) in topics.items() if kind == wanted)
-            if any(topic.endswith('joint_states') for topic in own):
-                raise InputError(f'{self.path}: its joint_states contain no message, or no joint')
-            raise InputError(f'{self.path}: no joint_states of type {wanted} in it ' + (
-                f'(of that type are {", ".join(own)}: name one, with its joint, as --joint '
-                '/TOPIC/NAME)' if own else f'(topics: {", ".join(sorted(topics)) or "none"})'))
+            own = ', '.join(topic for topic, (kind, _) in self.topics.items() if kind == wanted)
+            raise InputError(f'{self.path}: no joint_states of type {wanted} in it, or no joint in '
+                             'them ' + (f'(of that type are {own}: name one, with its joint, as '
+                                        '--joint /TOPIC/NAME)' if own else
+                                        f'(topics: {", ".join(self.topics) or "none"})'))
         # A single joint may have no name in the recording; any may be named with its topic.
         if [*joints] == ['']:
             return joints['']
@@ -119,16 +114,15 @@ class Bag(Scan):
         if 2 * np.count_nonzero(stamp) < len(stamp):
             info.notes.append('stamps are zero: receive times are used')
             stamp = track.receive
-        position, velocity, effort = own.T[:3]
-        for name, signal in (('position', position), ('effort', effort)):
-            if not np.isfinite(signal).any():
-                raise InputError(f'{self.path}: {track.topic} contains no finite {name} of joint '
-                                 f'{joint!r}')
+        position, velocity, effort = (own[:, :3] * self._factors).T
         finite, velocity = usable(position, effort, velocity)
         order = _in_order(stamp, finite)
         if not len(order):
-            raise InputError(f'{self.path}: {track.topic} never has position and effort of joint '
-                             f'{joint!r} together, with a stamp near the others')
+            missing = [name for name, signal in (('position', position), ('effort', effort))
+                       if not np.isfinite(signal).any()]
+            raise InputError(f'{self.path}: {track.topic} contains no finite '
+                             + (' and '.join(missing) or 'position and effort at one time')
+                             + f' of joint {joint!r}')
         # Messages of other joints alone have no value of this one.
         expected = np.isfinite(own).any(axis=1) | (len(self.joints) == 1)
         for reason, count in (

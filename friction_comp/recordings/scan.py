@@ -131,11 +131,6 @@ def _read_sqlite(scan: Scan, file: Path) -> _Messages:
 _READERS = {'.mcap': _read_mcap, '.db3': _read_sqlite}
 
 
-def _by_numbers(path: Path) -> list[str | int]:
-    """Return a key that sorts names by their numbers, 2 before 10."""
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
-
-
 def unpack(payload: bytes) -> bytes:
     """Return a message, decompressed if rosbag2 compressed it and it is not damaged."""
     if payload[:4] == _ZSTD:
@@ -467,8 +462,9 @@ class Scan:
 
     def _list_files(self) -> list[Path]:
         """Return the files listed in the metadata, or else those in the folder."""
+        # By their numbers, 2 before 10.
         files = sorted((path for path in self.path.iterdir() if path.name.endswith(BAGS)),
-                       key=_by_numbers)
+                       key=lambda path: (len(path.name), path.name))
         try:
             about = read_yaml(self.path / METADATA)['rosbag2_bagfile_information']
             # Only the names, in this folder: metadata must not point outside of it.

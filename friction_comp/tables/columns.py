@@ -51,14 +51,11 @@ _TABLE: dict[str, dict[str, float]] = {
     'temperature': {'c °c degc celsius': 1.0}}
 _SYMBOLS = {symbol: (factor, dimension) for dimension, table in _TABLE.items()
             for symbols, factor in table.items() for symbol in symbols.split()}
-# As in rad·s⁻¹; and the factor before a unit.
-_PER_SECOND = re.compile(r'[·⋅*. ]?s(\^?-1|⁻¹)$')
 _FACTOR = re.compile(r'([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)?\s*\*?\s*(.*)')
 _COUNTS = re.compile(r'counts?/(\d+(?:\.\d+)?)(/s)?')
-_ANGLE, _RATE = ('angle', 'length', 'counts'), ('angle/time', 'length/time', 'counts/time')
-_TORQUE = ('torque', 'force')
+_ANGLE, _RATE, _TORQUE = ('angle', 'length'), ('angle/time', 'length/time'), ('torque', 'force')
 DIMENSIONS = {
-    'time': ('time', 'counts'), 'position': _ANGLE, 'velocity': _RATE,
+    'time': ('time',), 'position': _ANGLE, 'velocity': _RATE,
     'effort': (*_TORQUE, 'current'), 'current': ('current',), 'command': ('current', *_TORQUE),
     'direction': (), 'load': _TORQUE, 'link_torque': _TORQUE, 'temperature': ('temperature',),
     'reference_position': _ANGLE, 'reference_velocity': _RATE}
@@ -89,10 +86,9 @@ class Unit(NamedTuple):
 def parse_unit(text: str) -> Unit | None:
     """Return a unit from its text, None if it is not known.
 
-    ``counts/4096`` is a 4096th of a turn; its dimension is ``counts``. A factor may precede any
-    unit: ``2.69mA``.
+    ``counts/4096`` is a 4096th of a turn. A factor may precede any unit: ``2.69mA``.
     """
-    text = _PER_SECOND.sub('/s', text.strip().lower().replace('\u03bc', 'µ'))
+    text = text.strip().lower().replace('\u03bc', 'µ')
     if text in _SYMBOLS:
         return Unit(*_SYMBOLS[text])
     match = _FACTOR.fullmatch(text)
@@ -102,7 +98,7 @@ def parse_unit(text: str) -> Unit | None:
     known, (above, _, below) = _SYMBOLS.get(symbol), symbol.partition('/')
     one, other = _SYMBOLS.get(above), _SYMBOLS.get(below)
     if (counts := _COUNTS.fullmatch(symbol)) and float(counts[1]):
-        known = 1.0 / float(counts[1]), 'counts' + '/time' * bool(counts[2])
+        known = _TURN / float(counts[1]), 'angle' + '/time' * bool(counts[2])
     elif one and other and other[1] == 'time' and '/' not in one[1]:
         known = one[0] / other[0], f'{one[1]}/time'
     if known is None or not factor or not math.isfinite(factor):
@@ -125,10 +121,7 @@ def unit_of(signal: str, text: str) -> Unit | None:
     unit = parse_unit(text)
     for dimension in (unit.dimension, f'{unit.dimension}/time') if unit else ():
         if unit and dimension in DIMENSIONS[signal]:
-            # Counts of a turn; those of a timer are parts of a second.
-            turned = dimension.startswith('counts') and signal != 'time'
-            return Unit(_TURN * unit.factor, dimension.replace('counts', 'angle')) if turned \
-                else Unit(unit.factor, dimension)
+            return Unit(unit.factor, dimension)
     return None
 
 
@@ -168,9 +161,8 @@ _QUANTITIES = {'time', 'position', 'velocity', 'effort', 'current', 'direction',
                'temperature'}
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',
             'effort': 'command', 'current': 'command'}
-_OF_UNIT = {'time': 'time', 'angle': 'position', 'counts': 'position', 'angle/time': 'velocity',
-            'counts/time': 'velocity', 'torque': 'effort', 'current': 'current',
-            'temperature': 'temperature'}
+_OF_UNIT = {'time': 'time', 'angle': 'position', 'angle/time': 'velocity', 'torque': 'effort',
+            'current': 'current', 'temperature': 'temperature'}
 # Units that are more often something else, unless they are the last word; and after these words,
 # which are of a linear axis as much as of another, a last m or N is one.
 _LAST_ONLY = {'s', 'A', 'C', 'V', 'W', 'sec', 'secs', 'second', 'seconds', 'min', 'in', 'rot'}
@@ -386,6 +378,7 @@ class Column:
     dimension: str = ''     # what the unit measures, such as angle; '' if it is not known
     key: tuple[str, ...] = ()
     stated: bool = False    # whether the unit was given, by the user or in the name
+    rival: str = ''         # another column that is as good, by its name
 
 
 @dataclass
@@ -435,11 +428,11 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     """
     names = [name for name in names if name]
     layout = (layout or Layout()).naming(names, where)
-    columns, own, rivals = _columns(names, layout, where, plan)
+    columns, own = _columns(names, layout, where, plan)
     used = _of_joints(columns, own, where)
-    if one := next((column for column in used if column.name in rivals), None):
+    if one := next((column for column in used if column.rival), None):
         raise InputError(f'{where}: which column is the {one.signal}, {one.name!r} or '
-                         f'{rivals[one.name]!r}? Name it with --columns {one.signal}={one.name}')
+                         f'{one.rival!r}? Name it with --columns {one.signal}={one.name}')
     signals = {column.signal for column in used}
     needed = {'time': not layout.rate, 'position': True, 'effort': not (layout.stiffness or plan),
               'reference_position': bool(layout.stiffness)}
@@ -470,11 +463,8 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
 
 
 def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = False
-             ) -> tuple[list[Column], tuple[str, ...], dict[str, str]]:
-    """Return the best column for each signal of each joint, and the joint of the user's columns.
-
-    The last are columns that are as good as one of the former, by its name.
-    """
+             ) -> tuple[list[Column], tuple[str, ...]]:
+    """Return the best column for each signal of each joint, and the joint of the user's columns."""
     told = {name: _named(signal, name, layout, where) for signal, name in layout.columns.items()}
     # Without their numbers, the columns of sibling joints have one name.
     alike = {_pattern(name): signal for name, signal in told.items()
@@ -485,7 +475,6 @@ def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = F
     numbered = bool(re.search(r'\d', first))
     own, kinds = _key(first, numbered), {*map(_kind, told.values())}
     best: dict[tuple[str, tuple[str, ...]], tuple[tuple[int, ...], Column]] = {}
-    rivals: dict[str, str] = {}
     for name in names:
         reading, sibling = read_name(name), _pattern(name) in alike
         signal = told.get(name) or alike.get(_pattern(name)) or reading.signal
@@ -509,8 +498,8 @@ def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = F
         if rank < lowest or chosen is column:
             best[kind, key] = rank, column
         elif rank == lowest:
-            rivals.setdefault(chosen.name, name)
-    return [column for _, column in best.values()], own, rivals
+            best[kind, key] = rank, replace(chosen, rival=name)
+    return [column for _, column in best.values()], own
 
 
 def _named(signal: str, name: str, layout: Layout, where: object) -> str:
@@ -587,7 +576,7 @@ def without_time(names: Sequence[str], layout: Layout, where: object
     Its rows are means at constant speeds, without time and position. Raises InputError if it has
     several joints or speeds, and none is named.
     """
-    columns, own, rivals = _columns([*filter(None, names)], layout.naming(names, where), where)
+    columns, own = _columns([*filter(None, names)], layout.naming(names, where), where)
     signals = {column.signal for column in columns}
     if layout.rate or signals & {'time', 'position'}:
         return None
@@ -598,7 +587,7 @@ def without_time(names: Sequence[str], layout: Layout, where: object
     pairs = [(speed, effort) for speed in speeds for effort in efforts
              if speed.key == effort.key or () in (speed.key, effort.key)
              if layout.joint in ('', speed.joint, effort.joint)]
-    if len(pairs) > 1 or any(c.name in rivals for pair in pairs for c in pair):
+    if len(pairs) > 1 or any(c.rival for pair in pairs for c in pair):
         raise InputError(f'{where}: which speed and which effort? Name one with --joint, or both '
                          f'with --columns velocity=NAME,effort=NAME; there are {_listed(names)}')
     return pairs[0] if pairs else None
@@ -633,7 +622,7 @@ def unit_to_give(signal: str) -> str:
     """Return what ``--unit`` may say of a signal, to be copied."""
     return f'{signal}=' + {
         'position': 'counts/4096 (counts in a turn), deg, turn or rad', 'effort': '2.69mA, counts '
-        'or N·m', 'time': 'counts/100 (in a second)', 'velocity': '0.229rpm, deg/s or rad/s'
+        'or N·m', 'time': 'ms, or 0.01s', 'velocity': '0.229rpm, deg/s or rad/s'
         }.get(signal, _SI[signal])
 
 

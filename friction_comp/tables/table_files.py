@@ -63,7 +63,8 @@ class Table:
     """A table: the `names` of its columns, of which those that are wanted are read as floats.
 
     Raises InputError if the file, or what it holds, is no table. `notes` say what is left out. The
-    columns may also be those of a data `frame`.
+    columns may also be those of a data `frame`. Of arrays, those as long as the `named` ones are
+    used, or else as most.
     """
 
     def __init__(self, path: Path, named: Sequence[str] = (), frame: Any = None) -> None:
@@ -73,38 +74,33 @@ class Table:
         load = next((own for suffix, own in _LOADERS.items() if name.endswith(suffix)), None)
         with _readable(path):
             if frame is not None:
-                self._use({str(own): np.asarray(frame[own])
-                           for own in getattr(frame, 'columns', frame)}, named)
+                found: Any = {str(own): frame[own] for own in getattr(frame, 'columns', frame)}
             elif len(parts) > 1:
-                self._use(_joined(parts), named)
+                found = _joined(parts)
             elif load:
-                self._use(dict(_flat('', load(check_input(path)))), named)
+                found = load(check_input(path))
             else:
                 self._text = _Text(path)
                 self.names, self.notes = [*self._text.places], self._text.notes
+                return
+            columns = dict(_flat('', found))
+        lengths = Counter(map(len, columns.values()))
+        size = next((len(columns[name]) for name in named if name in columns), max(
+            lengths, key=lambda length: (lengths[length], length), default=0))
+        self._columns = {name: own for name, own in columns.items() if len(own) == size}
+        self.names = [*self._columns]
+        if left := [name for name in columns if name not in self._columns]:
+            self.notes.append(f'{", ".join(left[:9])}: left out, not of {size} values')
+        if not self.names:
+            raise InputError(f'{path}: holds no table of numbers; objects of MATLAB and workbooks '
+                             'are saved as CSV first')
 
     def read(self, wanted: Sequence[str]) -> Columns:
         """Return columns as floats of one length, dates in s."""
         with _readable(self.path):
             if self._text:
                 return self._text.read(list(dict.fromkeys(wanted)))
-            return {name: np.broadcast_to(to_numbers(self._columns[name], name, self.path),
-                                          self._size) for name in wanted}
-
-    def _use(self, columns: Columns, named: Sequence[str]) -> None:
-        """Use arrays as long as the `named` ones, or else as most; numbers hold for all rows."""
-        lengths = Counter(len(values) for values in columns.values() if values.ndim)
-        own = [len(columns[name]) for name in named if name in columns and columns[name].ndim]
-        self._size = own[0] if own else max(
-            lengths, key=lambda length: (lengths[length], length), default=1)
-        self._columns = columns
-        self.names = [name for name, values in columns.items()
-                      if not values.ndim or len(values) == self._size]
-        if left := [name for name in columns if name not in self.names]:
-            self.notes.append(f'{", ".join(left[:9])}: left out, not of {self._size} values')
-        if not self.names:
-            raise InputError(f'{self.path}: holds no table of numbers; objects of MATLAB and '
-                             'workbooks are saved as CSV first')
+            return {name: to_numbers(self._columns[name], name, self.path) for name in wanted}
 
 
 @contextmanager
@@ -250,8 +246,6 @@ def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
 
     Raises InputError if its values are none of these.
     """
-    if values.dtype.kind == 'b':
-        raise InputError(f'{where}: column {name!r} holds true and false, not numbers')
     if values.dtype.kind in 'OSU':
         texts = ['nan' if value is None or _is_missing(str(value)) else str(value).strip()
                  for value in values.ravel()]
@@ -290,14 +284,14 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
             own = array[key]
             yield from _flat(f'{name}.{key}'.lstrip('.'), own.item() if own.size == 1 else
                              own.squeeze())
-    elif array.dtype.kind in 'biufM' or (array.dtype.kind in 'OU' and array.ndim == 1):
+    elif array.dtype.kind in 'biufmM' or (array.dtype.kind in 'OU' and array.ndim == 1):
         array = array.ravel() if array.ndim == 2 and 1 in array.shape else array
         if array.ndim == 2:
             # A row for each time: there are more times than joints.
             array = array if array.shape[0] >= array.shape[1] else array.T
             yield from ((f'{name}_{k + 1}'.lstrip('_'), column)
                         for k, column in enumerate(array.T))
-        elif array.ndim < 2:
+        elif array.ndim == 1:
             yield name or '1', array
 
 
