@@ -167,13 +167,6 @@ def test_rate_and_gaps():
     assert recorded.rhythm(time[:1]) == recorded.rhythm(np.zeros(5)) == (0.0, 0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize(('held', 'counts', 'rows'), [(4, 1e-4, 4), (1, 1e-4, 1), (1, 0.02, 1)])
-def test_a_logger_that_repeats_positions_is_told_from_a_coarse_encoder(held, counts, rows):
-    time = np.arange(0.0, 8.0, 1e-3)
-    position = counts * np.round(np.sin(time[::held]) / counts)
-    assert recorded.held_rows(np.repeat(position, held)) == rows
-
-
 def told(time, position, velocity, **options):
     return velocity_agreement(time, position, velocity, **options).fault
 

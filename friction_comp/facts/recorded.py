@@ -13,7 +13,7 @@ from friction_comp.errors import InputError
 from friction_comp.facts.current import wrong_sign
 from friction_comp.facts.motion import glitches, impossible, turns_of, velocity_agreement
 from friction_comp.samples import Samples
-from friction_comp.statistics import gap_length, smallest_step
+from friction_comp.statistics import gap_length
 
 _SLOWEST = 1.0
 """Longest usual time from row to row of a joint in motion, s."""
@@ -68,20 +68,6 @@ def not_in_seconds(time: np.ndarray, factor: float = 1.0, stated: bool = False) 
         ', or time=s' * (likely != 's')) + ', or the rows per second with --rate'
 
 
-def held_rows(position: np.ndarray) -> int:
-    """Return over how many rows a logger holds each position, 1 if it does not; shape (N,).
-
-    A slow motion repeats positions too, up to the next step of the encoder. Values are held if they
-    then change by more than such a step.
-    """
-    change = np.diff(position)
-    changed = np.flatnonzero(change) + 1
-    if len(changed) < 50:
-        return 1
-    coarse = np.mean(np.abs(change[changed - 1]) < 1.5 * smallest_step(position))
-    return 1 if coarse > 0.5 else max(int(np.median(np.diff(changed))), 1)
-
-
 # Samples.
 
 def _moves(position: np.ndarray) -> bool:
@@ -103,38 +89,19 @@ def checked(samples: Samples, notes: list[str], where: object, others: Iterable[
             ) -> tuple[Samples, np.ndarray]:
     """Return the samples that were measured, with turns added, and their indices; notes say more.
 
-    Where a logger repeats a position over several rows, only new ones are used; during rests, rows
-    at the same rate. A velocity that was computed from row to row tells no more than the position.
-
     Raises InputError, with the name `where` of the recording, if they are physically impossible:
     results would look valid. Where no position of `others` moved, the weight depends on the
     position alone, and the motor's mean power must be positive.
     """
     rows = np.arange(len(samples))
-    if (held := held_rows(samples.position)) > 1:
-        begin = np.concatenate(([0], np.flatnonzero(np.diff(samples.position)) + 1))
-        fresh = (rows - begin[np.searchsorted(begin, rows, side='right') - 1]) % held == 0
-        rate = np.count_nonzero(fresh) / max(float(np.ptp(samples.time)), 1e-9)
-        notes.append(f'position is held over {held} rows: {np.count_nonzero(fresh)} of {len(rows)} '
-                     f'rows are used, {rate:.3g} Hz is the rate at which it is measured')
-        velocity = samples.velocity
-        # It is zero where positions are held.
-        if velocity is not None and np.count_nonzero(velocity[~fresh]) < 0.1 * np.count_nonzero(
-                velocity[fresh]):
-            notes.append('velocity was computed from row to row, and is not used')
-            samples = samples.with_(velocity=None)
-        rows = rows[fresh]
-    odd = glitches(samples.position[rows])
-    if odd.any():
+    if (odd := glitches(samples.position)).any():
         notes.append(f'{np.count_nonzero(odd)} joint states left out: position jumps away and back '
                      'within one sample')
-        rows = rows[~odd]
-    samples = samples if len(rows) == len(samples) else samples.take(rows)
+        rows, samples = rows[~odd], samples.take(~odd)
     _, gaps, longest, before = rhythm(samples.time)
     if gaps:
         notes.append(f'{gaps} gaps, the longest of {longest:.3g} s after {before:.3f} s')
-    turns = turns_of(samples.time, samples.position)
-    if turns.any():
+    if (turns := turns_of(samples.time, samples.position)).any():
         notes.append(f'position wraps around {np.count_nonzero(np.diff(turns))} times: turns are '
                      'added')
         samples = samples.with_(position=samples.position + 2.0 * np.pi * turns)
