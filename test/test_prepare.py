@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings as loggers leave them: gaps, limits, stamps, rate, origin, sign and length."""
 
-import re
 
 from helpers import swings
 import numpy as np
@@ -181,38 +180,12 @@ def test_all_signals_are_averaged_alike_and_a_note_says_so(folder):
 
 
 @pytest.mark.slow
-def test_pieces_from_everywhere_are_kept_where_averages_are_too_many(folder):
-    found = [samples for samples, _ in read_recording_with_info(folder, limit=5_000)]
-    assert 2_500 <= sum(map(len, found)) <= 7_500
-    assert all(samples.time[0] < 25.0 < 50.0 < samples.time[-1] for samples in found)
-
-
-@pytest.mark.slow
 def test_a_ripple_is_found_in_averages(folder):
     found = [samples for samples, _ in read_recording_with_info(folder, limit=10_000)]
     report = refine(found, drive=Drive(1.0, 1.0)).report
     assert [effect.name for effect in report.effects] == ['cogging']
     # The noise of averages is smaller by this factor.
     assert report.after.held_out_rmse < 1.2 * 0.01 / 5 ** 0.5
-
-
-@pytest.mark.parametrize('wrapped', [False, True])
-def test_turns_are_continued_between_pieces_and_none_are_added(tmp_path, wrapped):
-    """A joint that swings about pi; the second half was recorded after a pause, a turn away."""
-    time = np.arange(6000) * 0.01
-    late = time > 30.0
-    swing = np.pi + 0.6 * np.sin(1.1 * time) + 2.0 * np.pi * late
-    position = (swing + np.pi) % (2.0 * np.pi) - np.pi if wrapped else swing
-    write_samples(tmp_path / 'log', Samples(
-        time + 100.0 * late, position, np.sign(np.cos(1.1 * time))))
-    whole, = read_recording(tmp_path / 'log')
-    for half in (late, ~late):
-        assert np.ptp(whole.position[half] - swing[half]) < 1e-6
-    # Half of the pieces are left out: the joint may have turned in between.
-    (kept, info), = read_recording_with_info(tmp_path / 'log', limit=3000)
-    assert re.fullmatch(r'the recordings are long: [\d.]+ % of them were kept', info.notes[-1])
-    assert 500 < len(kept) < 5000
-    assert np.allclose(kept.position, np.interp(kept.time, whole.time, whole.position))
 
 
 def test_of_a_very_long_bag_the_beginning_is_read(tmp_path, monkeypatch):

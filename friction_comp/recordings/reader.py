@@ -3,8 +3,7 @@
 """Finds recordings on disk, and reads them as samples: bags and tables in the same way.
 
 Of long or many recordings, a few samples at a time are averaged, all signals over the same ones, so
-that they are filtered alike. If there are still too many at the lowest rate, only pieces spread
-evenly over all recordings are kept.
+that they are filtered alike.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from friction_comp.errors import InputError, os_errors_name
 from friction_comp.files import AnyPath
 from friction_comp.recordings import BAGS, METADATA
 from friction_comp.samples import JointStates, RecordingInfo, Samples
-from friction_comp.statistics import evenly_spread
 from friction_comp.tables.columns import Layout, STATES, unit_of
 from friction_comp.tables.table_files import is_table, parts_of, TABLES
 from friction_comp.tables.table_recording import TableRecording
@@ -210,10 +208,9 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
     `torque_per_current` is k_t · n in N·m/A. More than about `limit` samples of all recordings
     together are averaged, and a note says so.
     """
-    recordings = find_recordings(paths)
+    recordings, length = find_recordings(paths), 0
     sizes = [size_of(path) for path in recordings]
     read: dict[int, tuple[Samples, RecordingInfo]] = {}
-    length, share = 1, 1.0
     # By the largest one, it is known how many samples there are.
     for done, index in enumerate(sorted(range(len(sizes)), key=lambda k: -sizes[k])):
         recording = open_recording(recordings[index], joint, layout)
@@ -223,19 +220,13 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
             samples = samples.with_(arm=_arm(samples, info, _usable_joints(recording, names)))
         if progress:
             progress((done + 1) / len(recordings))
-        if not done:
+        if not length:
             total = len(samples) * sum(sizes) / max(sizes[index], 1)
-            # Averages over more than 10 ms hide friction at a reversal.
-            longest = max(1, round(0.01 / max(samples.sample_time, 1e-9)))
-            length = min(max(math.ceil(total / limit), 1), longest)
-            share = min(1.0, limit * length / max(total, 1.0))
+            length = max(math.ceil(total / limit), 1)
         kept = samples.with_(recording=np.full(len(samples), index)).averaged(length)
-        if share < 1.0:
-            # Pieces of 10 s are kept or left out.
-            kept = kept.take(evenly_spread(np.floor(kept.time / 10.0) + 7919 * index) < share)
         if not len(kept):
             raise InputError(f'{info.path}: has too few samples of joint {info.joint!r}')
-        if len(kept) < len(samples):
+        if length > 1:
             info.stamps = info.rows = None
         read[index] = kept, info
     first = read[0][1]
@@ -243,10 +234,8 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         if (info := read[index][1]).joint != first.joint:
             raise InputError(f'{info.path}: contains joint {info.joint!r}, but {first.path} '
                              f'contains {first.joint!r}: name one with --joint')
-    averaged = f'{length} samples at a time were averaged' * (length > 1)
-    if said := averaged + ', and ' * bool(averaged and share < 1.0) + (
-            f'{100.0 * share:.3g} % of them were kept' * (share < 1.0)):
-        first.notes.append(f'the recordings are long: {said}')
+    if length > 1:
+        first.notes.append(f'the recordings are long: {length} samples at a time were averaged')
     return [read[index] for index in range(len(recordings))]
 
 
