@@ -43,7 +43,7 @@ from friction_comp.arm.solver import (
 from friction_comp.arm.urdf import Chain
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.arm import Arm, FREE_FALL, friction_groups, PARAMETERS, Tree
+from friction_comp.model.arm import Arm, friction_groups, PARAMETERS, Tree
 from friction_comp.model.effect import Coverage, ResidualView
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
@@ -65,8 +65,7 @@ from friction_comp.samples import Samples
 # Share of the work for the rigid bodies.
 _BODIES = 0.2
 FEWEST = 200  # samples
-# Share by which another direction of gravity than the URDF's, or other scales than those assumed,
-# must lower the errors.
+# Share by which other scales than those assumed must lower the errors.
 _CLEARLY_BETTER = 0.15
 _MOST_ROWS = {'choice': 8000, 'final': 40000}
 
@@ -336,9 +335,12 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         free = replace(problem, declared=None)
         if free.trial(best.settings, best.terms, best.tree).error < best.error - _CLEARLY_BETTER:
             problem = free
-            best = free.best(lambda share: report(0.4 + 0.1 * share))
-    problem, best = _mounted(problem, best)
+            best = free.best(lambda share: report(0.4 + 0.3 * share))
     report(0.7)
+    if best.error == math.inf:
+        raise InputError('the currents contradict the torques of the URDF at every joint: it is '
+                         'the URDF of another robot, or lacks how the base is mounted, a fixed '
+                         'joint with that angle')
     rows = solver.rows_of(problem.chain, joints, best.settings, _MOST_ROWS['final'])
     whole, x = _reweighted_fit(
         rows.sums(columns_of(rows, best.tree, best.terms)[0]), best.prior, best.x)
@@ -410,20 +412,6 @@ class _Problem:
         links, _ = self.arm_of(best.x)
         terms = Beside(rows, links, best.prior, best.x, best.sums.variance).search()
         return self.trial(best.settings, terms, links) if terms else best
-
-
-def _mounted(problem: _Problem, best: _Trial) -> tuple[_Problem, _Trial]:
-    """Return the arm as it is mounted, with its trial: a URDF does not know of wall and ceiling."""
-    settings = best.settings if best.error < math.inf else _settings(problem.joints)[-1]
-    turned = [replace(problem, chain=problem.chain.with_gravity(way * np.linalg.norm(FREE_FALL)))
-              for way in (*np.eye(3), *-np.eye(3))]
-    other, mounted = min(((one.trial(settings), one) for one in turned),
-                         key=lambda trial: trial[0].error)
-    if other.error == math.inf:
-        raise InputError('the currents contradict the torques of the URDF at every joint: it is '
-                         'the URDF of another robot')
-    clearly = other.error < best.error - _CLEARLY_BETTER
-    return (mounted, mounted.best()) if clearly else (problem, best)
 
 
 def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
@@ -545,10 +533,6 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         notes.append('the efforts are no torques in N·m of this URDF: taken as currents of unknown '
                      'torque constants (--unit A says so, --torque-constant and --gear-ratio say '
                      'more)')
-    if (fit.tree.gravity != chain.tree.gravity).any():
-        direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
-        notes.append(f'the currents fit gravity along ({direction}) of the base far better than '
-                     'along its -z: the arm is assumed to be mounted that way')
     arm, refined = Arm(fit.tree, fit.differentiation), list(only or names)
     results: dict[str, RefineResult] = {}
     for index, name in enumerate(refined):

@@ -7,8 +7,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from copy import copy
-from dataclasses import replace
 import os
 from pathlib import Path
 import re
@@ -16,7 +14,6 @@ import sys
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from friction_comp.errors import InputError
 from friction_comp.files import read_xml
@@ -72,15 +69,6 @@ class Chain:
             np.array([placement.rotation for placement in placements]),
             np.array([placement.translation for placement in placements]),
             np.array(axes), np.array(parameters), np.array(FREE_FALL))
-
-    def with_gravity(self, gravity: ArrayLike) -> Chain:
-        """Return the arm with another gravity vector, shape (3,), m/s² in the frame of its base."""
-        other = copy(self)
-        other._model = self._model.copy()
-        other._model.gravity.linear = np.array(gravity, dtype=float)
-        other._data = other._model.createData()
-        other.tree = replace(self.tree, gravity=np.array(gravity, dtype=float))
-        return other
 
     def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return the matrix, shape (N, L, 10·L), of joint torques per inertial parameter.
