@@ -23,7 +23,7 @@ from world.gear import (
     presliding,
     steady_friction,
 )
-from world.person import drivers, nobody
+from world.person import nobody
 
 EVEN = 0
 
@@ -48,30 +48,6 @@ def push(plant, current, seconds, watch=('motor',)):
 
 def level(gears):
     return (gears['static'] + gears['link_coulomb']) / gears['torque_per_current']
-
-
-@pytest.mark.slow
-def test_breakaway_is_what_was_set():
-    gears = plain_gears(draws=1)
-    found = breakaway_currents(gears, EVEN, repetitions=1)
-    ratio = found / level(gears)[:, None]
-    # creep at the ramp's rate, where friction falls with speed, takes some of it
-    assert np.all(ratio > 0.93)
-    assert np.all(ratio < 1.03)
-    assert abs(np.median(ratio) - 1.0) < 0.02
-
-
-@pytest.mark.parametrize(('asymmetry', 'side'), [(0.0, 1), (0.1, 1), (0.1, -1)])
-def test_sliding_takes_the_steady_friction_of_its_direction(asymmetry, side):
-    gears = plain_gears(draws=2)
-    gears['asymmetry'] = asymmetry
-    speed = 0.3
-    plant = Plant(gears, drivers(gears, side * speed, 0.1, np.inf), EVEN)
-    rows = push(plant, lambda time: np.zeros(len(gears)), 1.5, ('person', 'motor_velocity'))
-    assert rows['motor_velocity'][-200:].mean(axis=0) == pytest.approx(side * speed, rel=0.01)
-    torque = side * rows['person'][-200:].mean(axis=0)
-    expected = [steady_friction(gear, speed, side) * gear['torque_per_current'] for gear in gears]
-    assert torque == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize('kind', FRICTIONS)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The effects: formulas, memory and limits, effects of others, and those of simulated joints."""
 
-from dataclasses import replace
 import math
 
 from effect_maker import defaults, parameters_of, samples_of
@@ -23,7 +22,6 @@ from friction_comp.samples import Samples
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque
 from friction_comp.statistics import rms
-from simulated_recordings import Excitation, random_drive, record, SimulatedDrive
 
 # Each effect obeys its docstring, and properties that all effects share for any numbers.
 
@@ -277,85 +275,42 @@ def test_an_effect_that_exists_only_here(own_effect, tmp_path):
 
 # Each undeclared effect does to the simulated joint what its file says, and nothing else.
 
-# Formulas as a reader of the file format would write them: torque N·m that the motor has to
-# hold, and torque by which friction is higher, as functions of position, speed, time, load.
-HELD = {
-    'offset': ({'torque': 0.4}, lambda x, v, t, u: 0.4 + 0 * x),
-    'gravity': ({'amplitude': 0.6, 'phase': 0.5}, lambda x, v, t, u: 0.6 * np.sin(x + 0.5)),
+STATE = {'t': 5.0, 'x': 0.4, 'v': -0.5, 'load': -2.0, 'temperature': 30.0, 'rest_time': 0.0,
+         'base_level': 1.2}
+# Parameters, and what the effect adds in this state to the driving torque and to friction, N·m.
+ADDED = {
+    'offset': ({'torque': 0.4}, -0.4, 0.0),
+    'gravity': ({'amplitude': 0.6, 'phase': 0.5}, -0.6 * math.sin(0.9), 0.0),
     'cogging': ({'amplitude': 0.3, 'frequency': 12.0, 'slope': -0.5},
-                lambda x, v, t, u: 0.3 * (1 - 0.5 * v) * np.sin(12 * x))}
-HIGHER = {
-    'stribeck': ({'amplitude': 0.5, 'velocity': 0.4}, lambda x, v, t, u: 0.5 * np.exp(-v / 0.4)),
-    'viscous_shape': ({'amplitude': 0.5, 'exponent': 0.5}, lambda x, v, t, u: 0.5 * np.sqrt(v)),
-    'direction': ({'coulomb': 0.2, 'viscous': 0.3}, lambda x, v, t, u: 0.2 + 0.3 * v),
-    'friction_ripple': ({'amplitude': 0.3, 'frequency': 12.0, 'phase': 1.0},
-                        lambda x, v, t, u: 0.3 * np.sin(12 * x + 1)),
-    'bump': ({'amplitude': 0.6, 'position': 0.2, 'width': 0.3},
-             lambda x, v, t, u: 0.6 * np.exp(-0.5 * ((x - 0.2) / 0.3) ** 2)),
-    'load': ({'coefficient': 0.3}, lambda x, v, t, u: 0.3 * np.abs(u)),
-    'warm_up': ({'share': 0.4, 'time_constant': 10.0},
-                lambda x, v, t, u: 0.4 * np.exp(-t / 10) * (1.0 + 0.4 * v))}
+                -0.3 * 0.75 * math.sin(4.8), 0.0),
+    'stribeck': ({'amplitude': 0.5, 'velocity': 0.4}, 0.0, 0.5 * math.exp(-1.25)),
+    'viscous_shape': ({'amplitude': 0.5, 'exponent': 0.5}, 0.0, 0.5 * math.sqrt(0.5)),
+    'direction': ({'coulomb': 0.2, 'viscous': 0.3}, 0.0, -0.35),
+    'friction_ripple': ({'amplitude': 0.3, 'frequency': 12.0, 'phase': 1.0}, 0.0,
+                        0.3 * math.sin(5.8)),
+    'bump': ({'amplitude': 0.6, 'position': 0.2, 'width': 0.3}, 0.0, 0.6 * math.exp(-2.0 / 9.0)),
+    'load': ({'coefficient': 0.3}, 0.0, 0.6),
+    'temperature': ({'coefficient': -0.02, 'reference': 20.0}, 0.0, -0.24),
+    'warm_up': ({'share': 0.4, 'time_constant': 10.0}, 0.0, 0.48 * math.exp(-0.5))}
 
 
-def plain_drive(effects, **changes):
-    """Return a drive of 1 N·m/A with friction 1 N·m + 0.4 N·m·s/rad, without noise."""
-    drive = random_drive(5)
-    model = replace(
-        drive.model,
-        drive=replace(drive.model.drive, torque_constant=0.01, gear_ratio=100.0),
-        sigmoid=replace(drive.model.sigmoid, upper=1.0, lower=-1.0, viscous=0.4, steepness=300.0))
-    return SimulatedDrive(model=model, effects=effects, noise=0.0,
-                          **{'thermal': drive.thermal, **changes})
+@pytest.mark.parametrize('name', ADDED)
+def test_an_undeclared_effect_adds_what_its_formula_says(name):
+    parameters, torque, level = ADDED[name]
+    extra = Undeclared.from_effects([{'name': name, 'parameters': parameters}])
+    assert undeclared_torque(extra.table, np.zeros(0), **STATE) == pytest.approx((torque, level))
 
 
-def moved(effects, load=0.0, **changes):
-    """Return steadily moving samples (x, v, t, load, current) of a recording with the effects."""
-    drive = plain_drive(effects, **changes)
-    samples = record(drive, 4, Excitation(duration=40.0, load=load))[0]
-    step = samples.sample_time
-    velocity = np.gradient(samples.position, step)
-    velocity = np.convolve(velocity, np.ones(11) / 11, 'same')
-    acceleration = np.convolve(np.gradient(velocity, step), np.ones(41) / 41, 'same')
-    steady = (np.abs(velocity) > 0.1) & (np.abs(acceleration) < 0.05)
-    steady[:200] = False
-    kept = samples.take(steady)
-    torque = kept.load if kept.load is not None else np.zeros(len(kept))
-    return kept.position, velocity[steady], kept.time - samples.time[0], torque, kept.current
-
-
-@pytest.mark.parametrize('name', [*HELD, *HIGHER])
-def test_the_current_shows_the_effect_as_its_formula_says(name):
-    parameters, formula = {**HELD, **HIGHER}[name]
-    load = 0.5 if name == 'load' else 0.0
-    x, v, t, u, current = moved([{'name': name, 'parameters': parameters}], load)
-    side, speed = np.sign(v), np.abs(v)
-    extra = formula(x, speed, t, u) * (side if name in HIGHER and name != 'direction' else 1.0)
-    expected = side * (1.0 + 0.4 * speed) + extra - u
-    assert len(x) > 1000
-    assert np.std(extra) > 0.04 or name == 'offset'
-    # A human's push is measured with noise.
-    assert rms(current - expected) < 0.02
-
-
-def test_temperature_scales_friction():
-    effect = [{'name': 'temperature', 'parameters': {'coefficient': -0.02, 'reference': 20.0}}]
-    # It starts up to 30 K above ambient.
-    drive = plain_drive(effect, thermal={'ambient': 20.0, 'heating': 60.0, 'time_constant': 60.0})
-    excitation = Excitation(duration=60.0, temperature=True, rests=False)
-    warm = record(drive, 4, excitation)[0]
-    cold = record(replace(drive, effects=[]), 4, excitation)[0]
-    share = np.median((warm.current / cold.current)[np.abs(cold.current) > 1.0])
-    mean = np.mean(warm.temperature)
-    assert np.ptp(warm.temperature) > 3.0
-    assert share == pytest.approx(1.0 - 0.02 * (mean - 20.0), abs=0.03)
+# A drive of 1 N·m/A with friction of 1 N·m + 0.4 N·m·s/rad, without noise.
+PLAIN = FrictionModel(Drive(0.01, 100.0, current_limit=5.0), Sigmoid(1.0, -1.0, 300.0, viscous=0.4),
+                      simulation={'current_noise': 0.0})
 
 
 def test_stiction_grows_with_rest_and_is_lost_by_sliding():
     effect = {'name': 'rest', 'parameters': {'share': 0.5, 'time_constant': 1.0, 'distance': 0.1}}
 
     def breakaway(rest):
-        plant = Plant([replace(plain_drive([]).model, simulation={'current_noise': 0.0})],
-                      undeclared=[Undeclared.from_effects([effect])])
+        plant = Plant([PLAIN], undeclared=[Undeclared.from_effects([effect])])
         for _ in range(round(rest / 1e-3)):
             plant.step([0.0])
         for k in range(2000):
@@ -387,7 +342,7 @@ def test_friction_behind_a_backlash_is_absent_across_the_gap_after_a_reversal():
 
 def test_friction_never_turns_into_drive():
     effect = [{'name': 'direction', 'parameters': {'coulomb': -50.0}}]
-    plant = Plant([plain_drive([]).model], undeclared=[Undeclared.from_effects(effect)])
+    plant = Plant([PLAIN], undeclared=[Undeclared.from_effects(effect)])
     for _ in range(300):
         plant.step([0.2])
     moving = plant.state.velocity[0]
