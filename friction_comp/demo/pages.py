@@ -18,17 +18,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.result import RefineResult
 from friction_comp.reports import refinement_page
 from friction_comp.reports.evaluation_page import evaluation_page
-from friction_comp.reports.figures import (
-    COLOURS,
-    curve,
-    INK,
-    legend,
-    panels,
-    shade_directions,
-    styled,
-    thin,
-    zero,
-)
+from friction_comp.reports.figures import COLOURS, curve, legend, panels, styled, thin, zero
 from friction_comp.reports.html import Report, value
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
@@ -158,23 +148,6 @@ def loops_figure(trials: dict[str, HandTrial]) -> Figure:
 
 # An arm that is taught.
 
-@styled
-def exercise_figure(shown: Mapping[str, Samples]) -> Figure:
-    """Draw positions and announced directions of the first 16 s, one joint above the other."""
-    figure, axes = panels([f'{joint} (deg)' for joint in shown], 'time (s)', 1.7)
-    for axis, samples in zip(axes, shown.values()):
-        part = samples.take(samples.time <= samples.time[0] + 16.0)
-        if part.reference_position is not None:
-            axis.plot(*thin(part.time, np.degrees(part.reference_position)), '--', color=INK,
-                      linewidth=1.0, label='shown to the person')
-        axis.plot(*thin(part.time, np.degrees(part.position)), color=COLOURS['measured'],
-                  label='joint')
-        if part.direction is not None:
-            shade_directions(axis, part.time, part.direction)
-    legend(axes[0])
-    return figure
-
-
 def peaks_of(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
              ) -> dict[str, dict[str, dict[str, float]]]:
     """Return the person's RMS and peak torque by joint and recording, N·m."""
@@ -184,8 +157,8 @@ def peaks_of(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
                            ('helped', np.asarray(helped[joint].load)))} for joint in alone}
 
 
-def arm_page(alone: Mapping[str, Samples], helped: Mapping[str, Samples], result: ArmResult,
-             exercise: Path) -> Report:
+def arm_page(alone: Mapping[str, Samples], helped: Mapping[str, Samples], result: ArmResult
+             ) -> Report:
     """Return the page on a taught exercise."""
     peaks = peaks_of(alone, helped)
     page = Report('A person teaches an arm, and moves it without help and with it',
@@ -199,8 +172,6 @@ def arm_page(alone: Mapping[str, Samples], helped: Mapping[str, Samples], result
     def shown(joint: str, way: str, figure: str) -> str:
         return value(f'{joint}, {way}, {figure}', f'{peaks[joint][way][figure]:.2f} N·m')
     page.figure(_torque_figure(alone, helped), 'Torque of the person at each joint.')
-    page.figure(exercise_figure(helped), f'The taught exercise `{exercise.name}`, as replayed with '
-                'help, and its announced directions.')
     page.table(['joint', 'RMS alone', 'helped', 'peak alone', 'helped', 'added to the model'],
                [[joint, *(shown(joint, way, figure) for figure in ('rms', 'peak')
                           for way in ('alone', 'helped')),

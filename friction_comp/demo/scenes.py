@@ -324,7 +324,7 @@ def play_arm(system: DemoSystem) -> None:
     helped = _recorded_joints(system.recording('helped'), gains)
     peaks = pages.peaks_of(alone, helped)
     system.finish(
-        pages.arm_page(alone, helped, result, exercise),
+        pages.arm_page(alone, helped, result),
         {'joints': peaks, 'arm': result.report()},
         *(f'{joint}: the person gives {own["alone"]["rms"]:.2f} N·m RMS, '
           f'{own["alone"]["peak"]:.2f} at most, without help; '

@@ -356,7 +356,6 @@ class MeasuredJoint:
             groups.setdefault(key, []).append(r)
         kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
         conditions = [_condition(group) for group in kept]
-        notes += _reversed_torque(conditions)
         counted = {id(r) for group in kept for r in group}
         pair = _pair(conditions)
         compared = [compare(figure, *pair, [r for r in repetitions if id(r) in counted])
@@ -463,15 +462,6 @@ def _mean_and_std(curves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         mean = values.sum(axis=0) / known
         square = (np.where(np.isfinite(curves), curves - mean, 0.0) ** 2).sum(axis=0)
     return mean, np.where(known > 0, np.sqrt(square / np.maximum(known - 1, 1)), np.nan)
-
-
-def _reversed_torque(conditions: list[Condition]) -> list[str]:
-    """Return a note where a joint moved without compensation against the person's torque."""
-    means = [known[0] for c in conditions if c.compensation.law == 'none'
-             and (known := c.figures.get('constant_velocity_torque'))]
-    # Weight and an offset of the sensor act against one direction, friction against both.
-    return ['without compensation the torque at constant velocity is against the movement: the '
-            'sign of interaction_wrench may be wrong'] * (len(means) > 1 and sum(means) < 0.0)
 
 
 def _average_torque_figures(repetitions: list[Repetition], time: np.ndarray,

@@ -169,15 +169,6 @@ def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndar
     return tuple(np.asarray(values)[::step] for values in (x, *curves))
 
 
-def shade_directions(axes: Axes, time: np.ndarray, direction: np.ndarray) -> None:
-    """Mark the times, (N,), at which a direction is announced: above positive, below negative."""
-    for sign, (low, high) in ((1, (0.94, 1.0)), (-1, (0.0, 0.06))):
-        axes.fill_between(time, low, high, where=direction == sign, alpha=0.7,
-                          color=COLOURS['known'], linewidth=0,
-                          transform=axes.get_xaxis_transform(),
-                          label='direction announced: + above, − below' if sign > 0 else None)
-
-
 def to_svg(figure: Figure) -> str:
     """Return a figure as SVG in the page's text colour, without external files or scripts."""
     stream = io.StringIO()

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import math
 from typing import Any, TYPE_CHECKING
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
@@ -104,9 +103,6 @@ def _add_fleet(page: Report, population: Population) -> None:
             [[unit.unit, one.name, f'{number(unit.value)} {one.unit}', interval_text(one.range)]
              for one, unit in sorted(out, key=lambda entry: entry[1].unit)],
             'Units that are out, and by what.')
-    page.figure(_fleet_figure(population), 'Each dot is a unit with its 95 % interval, the band is '
-                'the range of 95 % of further units, the line is the mean. Units that are out are '
-                'red and named.')
     page.table(
         ['parameter', 'mean', 'spread', '95 % of units'],
         [[one.name, f'{number(one.mean)} {one.unit}',
@@ -122,36 +118,6 @@ def _add_fleet(page: Report, population: Population) -> None:
             'difference between units: record some units twice to tell these apart. ')
         + 'In a fleet without an odd unit, one is called out on 5 of 100 pages like this one.')
     page.text('`fleet.json` holds all of this and the values of each unit.')
-
-
-@styled
-def _fleet_figure(population: Population) -> Figure:
-    parameters, count = population.parameters, len(population.units)
-    figure, axes = panels([one.unit for one in parameters],
-                          [''] * (len(parameters) - 1) + ['units'], 1.0)
-    for one, axis in zip(parameters, axes):
-        _draw_parameter(axis, one, count)
-    return figure
-
-
-def _draw_parameter(axis: Axes, one: ParameterSpread, count: int) -> None:
-    values = np.array([unit.value for unit in one.units])
-    ends = np.array([unit.interval for unit in one.units]).T
-    out = np.array([unit.out for unit in one.units])
-    axis.axhspan(*one.range, color=COLOURS['faint'], alpha=0.25, linewidth=0)
-    axis.axhline(one.mean, color=COLOURS['faint'], linewidth=0.9)
-    for chosen, colour in ((~out, 'measured'), (out, 'out')):
-        axis.errorbar(np.nonzero(chosen)[0], values[chosen],
-                      np.abs(ends[:, chosen] - values[chosen]), fmt='o', markersize=3.0,
-                      linewidth=0.9, color=COLOURS[colour])
-    for k in np.nonzero(out)[0]:
-        axis.annotate(one.units[k].unit, (k, values[k]), xytext=(4, 2), fontsize=8,
-                      textcoords='offset points', color=COLOURS['out'],
-                      ha='right' if k > 0.8 * count else 'left')
-    # An interval of one unit must not make the differences between all others invisible.
-    low, high = min(values.min(), one.range[0]), max(values.max(), one.range[1])
-    margin = 0.2 * (high - low) + 1e-12
-    axis.set(xlim=(-1.0, count), xticks=[], ylim=(low - margin, high + margin), title=one.name)
 
 
 def _spread(one: ParameterSpread) -> str:
