@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-import io
 import json
 import math
 import os
@@ -81,41 +80,27 @@ def check_unpacked(where: object, size: float, packed: int) -> None:
                          f'{PACKED} times as many, which no recording does')
 
 
-class Unpacked(io.RawIOBase):
-    """Plain bytes of a file that is packed with gzip or zstd; raises InputError if they are absurd.
+def unpacked(where: object, packed: BinaryIO) -> Iterator[bytes]:
+    """Yield the plain bytes of a file that is packed with gzip or zstd, up to a damage.
 
-    What is damaged ends the stream after what can be read; `damage` says so then.
+    Raises InputError if they are absurd, or if nothing can be read.
     """
+    import gzip
 
-    def __init__(self, where: object, packed: BinaryIO) -> None:
-        import gzip
+    import zstandard
 
-        import zstandard
-
-        self._where, self._size, self._given = where, os.fstat(packed.fileno()).st_size, 0
-        self._errors = EOFError, OSError, zlib.error, zstandard.ZstdError
-        self.damage = ''
-        is_zstd = packed.read(4) == b'\x28\xb5\x2f\xfd'
-        packed.seek(0)
-        self._plain: Any = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(
-            packed, read_across_frames=True) if is_zstd else gzip.GzipFile(fileobj=packed)
-
-    def readable(self) -> bool:
-        """Return True."""
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        """Fill the buffer, as `io.RawIOBase` does."""
-        try:
-            data = b'' if self.damage else self._plain.read(min(len(buffer), 1 << 20))
-        except self._errors as error:
-            if not self._given:
-                raise InputError(f'{self._where}: cannot be unpacked: {one_line(error)}') from None
-            self.damage, data = one_line(error), b''
-        self._given += len(data)
-        check_unpacked(self._where, self._given, self._size)
-        buffer[:len(data)] = data
-        return len(data)
+    is_zstd, given = packed.read(4) == b'\x28\xb5\x2f\xfd', 0
+    packed.seek(0)
+    plain: Any = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(
+        packed, read_across_frames=True) if is_zstd else gzip.GzipFile(fileobj=packed)
+    try:
+        while data := plain.read(1 << 20):
+            given += len(data)
+            check_unpacked(where, given, os.fstat(packed.fileno()).st_size)
+            yield data
+    except (EOFError, OSError, zlib.error, zstandard.ZstdError) as error:
+        if not given:
+            raise InputError(f'{where}: cannot be unpacked: {one_line(error)}') from None
 
 
 @contextmanager
@@ -125,13 +110,12 @@ def unpacked_file(path: Path) -> Iterator[Path]:
         if path.suffix != '.zstd':
             yield path
             return
-        import shutil
         from tempfile import TemporaryDirectory
 
         with TemporaryDirectory() as folder:
             plain = Path(folder, path.stem)
             with plain.open('wb') as stream:
-                shutil.copyfileobj(Unpacked(path, packed), stream, 1 << 20)
+                stream.writelines(unpacked(path, packed))
             yield plain
 
 

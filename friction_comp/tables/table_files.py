@@ -29,7 +29,7 @@ from friction_comp.files import (
     open_input,
     parse_json,
     read_text,
-    Unpacked,
+    unpacked,
     write_atomically,
 )
 from friction_comp.tables.columns import other_unit, parse_unit, read_name
@@ -168,7 +168,7 @@ class _Text:
     def _lines(self) -> Iterator[str]:
         """Yield the lines that are neither empty nor comments, but for those before the rows."""
         with open_input(self.path) as file:
-            stream: Any = io.BufferedReader(Unpacked(self.path, file), 1 << 16) if (
+            stream: Any = io.BufferedReader(io.BytesIO(b''.join(unpacked(self.path, file)))) if (
                 self.path.name.lower().endswith('.gz')) else file
             head = stream.peek(1)
             wide = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
