@@ -230,10 +230,9 @@ class ToolClient:
             # An answer could be lost before the server knows of who waits for it. It hears of the
             # client for cancellations last: what answers that nobody knows a goal answers goals.
             self._request(lambda: cancel.call_async(_cancellation()), f'an answer of {what}')
-            end, outcome = time.monotonic() + self._patience, None
-            while outcome is None:
-                outcome = self._follow(action, cancel, goal, report, what)
-                if outcome is None and time.monotonic() > end:
+            end = time.monotonic() + self._patience
+            while (outcome := self._follow(action, cancel, goal, report, what)) is None:
+                if time.monotonic() > end:
                     reason = self.value(what, 'last refusal')
                     raise InputError(f'{what} refuses the goal' + (f': {reason}' if reason else ''))
         finally:

@@ -133,17 +133,14 @@ def _remarks(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) 
     return [' '.join(line.split()) for line in lines]
 
 
-def _percent(share: float) -> str:
-    """Return a share in per cent, with two digits and no power of ten."""
-    return f'{100.0 * share:.2g} %' if share < 0.995 else f'{100.0 * share:.0f} %'
-
-
 def _missed(torque: float, share: float, joint: SimulatorJoint) -> str:
     # Less is a rounding error.
     if share < 1e-6:
         return f'This form misses nothing of the model without the links, in {joint.motion}'
-    return (f'This form misses the model by {torque:.3g} {joint.unit} RMS, '
-            f'{_percent(share)} of its torque without the links, in {joint.motion}')
+    # With two digits and no power of ten.
+    percent = f'{100.0 * share:.2g}' if share < 0.995 else f'{100.0 * share:.0f}'
+    return (f'This form misses the model by {torque:.3g} {joint.unit} RMS, {percent} % of its '
+            f'torque without the links, in {joint.motion}')
 
 
 def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:

@@ -17,7 +17,7 @@ from friction_comp.terminal import progress
 from friction_comp.tools.common import Arguments, positive, whole_number, write_results
 
 if TYPE_CHECKING:
-    from friction_comp.excitation.plan import JointLimits, Pair
+    from friction_comp.excitation.plan import JointLimits
     from friction_comp.model.friction_model import FrictionModel
 
 
@@ -37,7 +37,15 @@ def excite(argv: list[str] | None = None) -> int:
         '--urdf arm.urdf --acceleration 4 --seconds 90 --output output/excite')).add_output()
     parser.add_argument('--joint', metavar='NAME', action='append', default=[],
                         help='joint; may be repeated with --urdf, where the default is all joints')
-    add_limits(parser)
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument('--position', metavar=('LOW', 'HIGH'), type=float, nargs=2,
+                        help='limits of position of one joint, rad')
+    source.add_argument('--urdf', metavar='FILE', type=Path,
+                        help='URDF with the limits of the joints')
+    parser.add_argument('--velocity', metavar='RAD/S', type=positive,
+                        help='limit of velocity; lowers that of the URDF')
+    parser.add_argument('--acceleration', metavar='RAD/S²', type=positive, required=True,
+                        help='limit of acceleration')
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help='model file of one joint, to keep the limit of effort')
     asked = parser.add_mutually_exclusive_group()
@@ -50,10 +58,13 @@ def excite(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     import numpy as np
 
-    from friction_comp.excitation.plan import plan_joint, trajectory_of
+    from friction_comp.excitation.plan import DEFAULT, pairs_in, pairs_of, plan_joint, trajectory_of
     from friction_comp.reports.other_pages import excitation_page
 
-    pairs, limits = _pairs(arguments), limits_of(arguments)
+    pairs = pairs_in(read_json(arguments.ambiguous), str(arguments.ambiguous)) if (
+        arguments.ambiguous) else pairs_of(
+            arguments.effects.split(',') if arguments.effects else DEFAULT)
+    limits = limits_of(arguments)
     model = _model(arguments, limits)
     seconds = arguments.seconds
     seeds = np.random.SeedSequence(arguments.seed).generate_state(len(limits)).tolist()
@@ -84,21 +95,8 @@ def excite(argv: list[str] | None = None) -> int:
     return 0
 
 
-def add_limits(parser: Arguments) -> None:
-    """Add the arguments that say what joints may do."""
-    source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument('--position', metavar=('LOW', 'HIGH'), type=float, nargs=2,
-                        help='limits of position of one joint, rad')
-    source.add_argument('--urdf', metavar='FILE', type=Path,
-                        help='URDF with the limits of the joints')
-    parser.add_argument('--velocity', metavar='RAD/S', type=positive,
-                        help='limit of velocity; lowers that of the URDF')
-    parser.add_argument('--acceleration', metavar='RAD/S²', type=positive, required=True,
-                        help='limit of acceleration')
-
-
 def limits_of(arguments: Namespace) -> list[JointLimits]:
-    """Return the joints' limits, by `add_limits` and --joint."""
+    """Return the joints' limits, by the arguments."""
     from friction_comp.excitation.plan import from_urdf, JointLimits
 
     if arguments.position:
@@ -123,14 +121,6 @@ def _model(arguments: Namespace, limits: list[JointLimits]) -> FrictionModel | N
     model = FrictionModel.load(arguments.model, joint)
     model.check_joint(joint, arguments.model)
     return model
-
-
-def _pairs(arguments: Namespace) -> list[Pair]:
-    from friction_comp.excitation.plan import DEFAULT, pairs_in, pairs_of
-
-    if arguments.ambiguous is None:
-        return pairs_of(arguments.effects.split(',') if arguments.effects else DEFAULT)
-    return pairs_in(read_json(arguments.ambiguous), str(arguments.ambiguous))
 
 
 def play(argv: list[str] | None = None) -> int:

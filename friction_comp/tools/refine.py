@@ -114,9 +114,8 @@ def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
 
     Without a model and constants, the effort of the recordings is taken as current.
     """
-    constants: dict[str, Any] = {name: value for name, value in (
-        ('torque_constant', arguments.torque_constant), ('gear_ratio', arguments.gear_ratio))
-        if value is not None}
+    constants: dict[str, Any] = {name: value for name in ('torque_constant', 'gear_ratio')
+                                 if (value := getattr(arguments, name))}
     if model is not None:
         return replace(model.drive, **constants)
     if len(constants) == 1:
@@ -198,12 +197,15 @@ def refine_recordings(arguments: Namespace, show: Callable[..., None] = lambda *
     recordings = read_recording_with_info(
         paths, joint, drive.torque_per_current,
         lambda share: show(0.2 * share, 'reading'), arguments.layout, limit=LIMIT)
-    if model and arguments.model:
+    if model:
         model.check_joint(recordings[0][1].joint, arguments.model)
     unit = _fitted_unit(arguments, model, [info for _, info in recordings])
     usable, = showing_friction({joint or '': recordings}).values()
     recorded = [samples for samples, _ in usable]
-    if idle := model is None and _idle(arguments, recorded):
+    # The motor had no current, and a load moved the joint.
+    idle = not (model or arguments.torque_constant or arguments.figures) and all(
+        samples.load is not None and not samples.current.any() for samples in recorded)
+    if idle:
         unit = 'N·m'
     drive, limit = with_current_limit(arguments, drive, recorded)
     from friction_comp.refinement import Origin, refine as refine_samples
@@ -246,12 +248,6 @@ def assumed_in(arguments: Namespace, recordings: Iterable[tuple[Samples, Recordi
             for (columns, unit), own in read.items()]
 
 
-def _idle(arguments: Namespace, recorded: Sequence[Samples]) -> bool:
-    """Return whether the motor had no current and a load moved the joint: then the unit is N·m."""
-    return (not arguments.torque_constant and not arguments.figures and all(
-        samples.load is not None and not samples.current.any() for samples in recorded))
-
-
 def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
                      ) -> dict[str, list[tuple[Samples, RecordingInfo]]]:
     """Return what of the joints' recordings shows friction; raises InputError if nothing does.
@@ -262,7 +258,11 @@ def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
     from friction_comp.recordings.reader import without_compensation
 
     for parts in recorded.values():
-        _check_loads((info.path, samples) for samples, info in parts)
+        # With the load of some recordings only, all would lose it.
+        paths = {samples.load is not None: info.path for samples, info in parts}
+        if len(paths) > 1:
+            raise InputError(f'{paths[True]}: has a load (interaction_wrench), and {paths[False]} '
+                             'has none: refine them separately')
     if all(samples.load is not None for parts in recorded.values() for samples, _ in parts):
         return dict(recorded)
     rest = {joint: [(without_compensation(samples, info), info) for samples, info in parts]
@@ -275,14 +275,6 @@ def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
             'the friction. Record the load (topic interaction_wrench), or move the joint by its '
             'motor without the compensator')
     return {joint: list(compress(parts, kept)) for joint, parts in rest.items()}
-
-
-def _check_loads(recorded: Iterable[tuple[object, Samples]]) -> None:
-    """Raise InputError if only some recordings (name, samples) have a load: all would lose it."""
-    names = {samples.load is not None: name for name, samples in recorded}
-    if len(names) > 1:
-        raise InputError(f'{names[True]}: has a load (interaction_wrench), and {names[False]} has '
-                         'none: refine them separately')
 
 
 def steady_states(arguments: Namespace) -> tuple[Column, Column] | None:
