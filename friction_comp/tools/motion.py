@@ -134,15 +134,12 @@ def play(argv: list[str] | None = None) -> int:
         'output/excite/trajectory.yaml --controller joint_trajectory_controller'))
     parser.add_argument('trajectory', metavar='FILE', type=Path,
                         help='trajectory_msgs/JointTrajectory as YAML')
-    parser.add_argument('--joint', metavar='NAME', help='move this joint only')
     parser.add_argument('--controller', metavar='NAME',
                         help='trajectory controller with the action NAME/follow_joint_trajectory')
     arguments = parser.parse(argv)
     from friction_comp.trajectory import Trajectory
 
     trajectory = Trajectory.load(arguments.trajectory)
-    if arguments.joint:
-        trajectory = trajectory.of(arguments.joint)
     from friction_comp.ros.tool_client import ToolClient
 
     with ToolClient(patience=20.0) as ros, progress('playing') as show:
