@@ -72,7 +72,7 @@ class DemoSystem:
         self.joints = list(joints)
         # From the first state on: the compensator, the exercise and the recorder.
         self.nodes.start('plant', {
-            **plant_parameters(joints, models, undeclared, self.arguments.seed, sample_time),
+            **plant_parameters(joints, models, undeclared, 1, sample_time),
             'wait_for_reference': True, 'wait_for_listeners': 3, **more})
 
     def start(self, name: str, *models: Path, **more: Any) -> None:

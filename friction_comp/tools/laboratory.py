@@ -27,8 +27,6 @@ def demo(argv: list[str] | None = None) -> int:
                         help='file or folder for the results (%(default)s)')
     parser.add_argument('--repetitions', metavar='N', type=whole_number(), default=3,
                         help='movements in each direction, of the loop (%(default)s)')
-    parser.add_argument('--seed', metavar='N', type=whole_number(0), default=1,
-                        help="seed of the simulated joint's noise and scatter (%(default)s)")
     parser.add_argument('--scene', choices=SCENES, default='loop',
                         help='; '.join(f'{name}: {words}' for name, words in SCENES.items())
                         + ' (%(default)s)')
@@ -52,13 +50,11 @@ def reproduce(argv: list[str] | None = None) -> int:
     parser = Arguments(reproduce).add_output()
     parser.add_argument('--cycles', metavar='N', type=whole_number(2), default=200,
                         help='current ramps per direction and configuration (200)')
-    parser.add_argument('--seed', metavar='N', type=whole_number(0), default=2,
-                        help='seed of noise, scatter and persons (2)')
     arguments = parser.parse(argv)
     from friction_comp.note.experiments import compared, run_experiments
 
     with output_folder(arguments.output) as folder, progress('starting') as report:
-        configurations = run_experiments(arguments.cycles, arguments.seed, report)
+        configurations = run_experiments(arguments.cycles, 2, report)
         (folder / 'results.json').write_text(
             to_json({'configurations': configurations}), encoding='utf-8')
     head = ['the note in brackets', *(f'configuration {name}' for name in configurations)]
