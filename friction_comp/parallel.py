@@ -24,8 +24,9 @@ from friction_comp.errors import InputError, one_line
 from friction_comp.interrupts import interrupts_deferred
 
 F = TypeVar('F', bound=Callable[..., Any])
-T = TypeVar('T')
-U = TypeVar('U')
+Work = Callable[[Any], Any]
+Outcomes = Generator[tuple[int, Any], None, None]
+"""The index and outcome of each item when it is finished."""
 
 
 def one_thread(function: F) -> F:
@@ -49,13 +50,7 @@ class Failure:
     reason: str
 
 
-Outcomes = Generator[tuple[int, 'U | Failure'], None, None]
-Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Generator[tuple[int, Any], None, None]]
-"""Type of a function that does work on items, and yields the index and outcome of each when it is
-finished."""
-
-
-def attempt(work: Callable[[T], U], item: T) -> U | Failure:
+def attempt(work: Work, item: Any) -> Any:
     """Return the result of work on an item, or a `Failure` if it raises an error."""
     try:
         return work(item)
@@ -66,7 +61,7 @@ def attempt(work: Callable[[T], U], item: T) -> U | Failure:
         return Failure(f'{item}: {type(error).__name__}: {one_line(error)}')
 
 
-def run_each(work: Callable[[T], U], items: Sequence[T], jobs: int = 1) -> Outcomes[U]:
+def run_each(work: Work, items: Sequence[Any], jobs: int = 1) -> Outcomes:
     """Do work on each item; yield the index of each with its result or a `Failure`.
 
     With several `jobs`, work and items are pickled and processed in so many processes. If a process
@@ -82,13 +77,13 @@ def run_each(work: Callable[[T], U], items: Sequence[T], jobs: int = 1) -> Outco
         yield from _in_processes(work, items, min(jobs, len(items)))
 
 
-def _in_processes(work: Callable[[T], U], items: Sequence[T], jobs: int) -> Outcomes[U]:
+def _in_processes(work: Work, items: Sequence[Any], jobs: int) -> Outcomes:
     """Yield index and outcome of each item, the first finished first.
 
     Each process is a pool of its own: one that is killed fails its item alone, and is replaced.
     """
     waiting = iter(enumerate(items))
-    running: dict[Future[U | Failure], tuple[int, ProcessPoolExecutor]] = {}
+    running: dict[Future[Any], tuple[int, ProcessPoolExecutor]] = {}
 
     def begin_next(process: ProcessPoolExecutor) -> None:
         for index, item in waiting:
@@ -101,7 +96,6 @@ def _in_processes(work: Callable[[T], U], items: Sequence[T], jobs: int) -> Outc
         while running:
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 index, process = running.pop(future)
-                outcome: U | Failure
                 try:
                     outcome = future.result()
                 except BrokenProcessPool:
@@ -146,7 +140,7 @@ _ALONE = threading.Lock()
 
 
 @contextmanager
-def runner_on_cluster(address: str) -> Iterator[Runner]:
+def runner_on_cluster(address: str) -> Iterator[Callable[[Work, Sequence[Any]], Outcomes]]:
     """Yield a function that does work on items as `parallel.run_each` does, on Dask's workers.
 
     Workers read the items themselves: files need the same path everywhere. Leaving the block
@@ -169,7 +163,7 @@ def runner_on_cluster(address: str) -> Iterator[Runner]:
         yield functools.partial(_run, client)
 
 
-def _run(client: Any, work: Callable[[Any], Any], items: Sequence[Any]) -> Outcomes[Any]:
+def _run(client: Any, work: Work, items: Sequence[Any]) -> Outcomes:
     from distributed import as_completed
 
     futures = {client.submit(_alone, work, item, pure=False): index
@@ -185,6 +179,6 @@ def _run(client: Any, work: Callable[[Any], Any], items: Sequence[Any]) -> Outco
         client.cancel(list(futures))
 
 
-def _alone(work: Callable[[Any], Any], item: Any) -> Any:
+def _alone(work: Work, item: Any) -> Any:
     with _ALONE:
         return attempt(work, item)

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from friction_comp.arm.fit import ArmResult
     from friction_comp.identification.curves import SteadyStates
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.parallel import Runner
     from friction_comp.recordings.reader import Piece
     from friction_comp.refinement import RefineResult
     from friction_comp.samples import RecordingInfo, Samples
@@ -552,8 +551,8 @@ def _items(pieces: Sequence[Piece]) -> list[_Item]:
             for piece, place, folder in zip(pieces, places, folders)]
 
 
-def _refine(arguments: Namespace, items: Sequence[_Item], run: Runner, show: Callable[..., None]
-            ) -> tuple[list[dict[str, Any]], list[str]]:
+def _refine(arguments: Namespace, items: Sequence[_Item], run: Callable[..., Any],
+            show: Callable[..., None]) -> tuple[list[dict[str, Any]], list[str]]:
     """Refine items and write their folders; return their rows, by folder, and faults."""
     from friction_comp.parallel import Failure
 
