@@ -80,10 +80,10 @@ def check_unpacked(where: object, size: float, packed: int) -> None:
                          f'{PACKED} times as many, which no recording does')
 
 
-def unpacked(where: object, packed: BinaryIO) -> Iterator[bytes]:
-    """Yield the plain bytes of a file that is packed with gzip or zstd, up to a damage.
+def unpacked(where: object, packed: BinaryIO, salvage: bool = False) -> Iterator[bytes]:
+    """Yield the plain bytes of a file that is packed with gzip or zstd.
 
-    Raises InputError if they are absurd, or if nothing can be read.
+    Raises InputError if they are absurd, or damaged; `salvage` ends at a damage behind others.
     """
     import gzip
 
@@ -99,8 +99,8 @@ def unpacked(where: object, packed: BinaryIO) -> Iterator[bytes]:
             check_unpacked(where, given, os.fstat(packed.fileno()).st_size)
             yield data
     except (EOFError, OSError, zlib.error, zstandard.ZstdError) as error:
-        if not given:
-            raise InputError(f'{where}: cannot be unpacked: {one_line(error)}') from None
+        if not (given and salvage):
+            raise InputError(f'{where}: is damaged: {one_line(error)}') from None
 
 
 @contextmanager
@@ -115,7 +115,7 @@ def unpacked_file(path: Path) -> Iterator[Path]:
         with TemporaryDirectory() as folder:
             plain = Path(folder, path.stem)
             with plain.open('wb') as stream:
-                stream.writelines(unpacked(path, packed))
+                stream.writelines(unpacked(path, packed, salvage=True))
             yield plain
 
 

@@ -350,7 +350,7 @@ def test_dynamic_joint_states_give_the_current_that_joint_states_lack(tmp_path):
     ('text.mcap', b'these are words, not a recording at all', 'not an mcap file'),
     ('table.csv', b'time,position\n', 'which column is the effort'),
     ('broken.db3', b'SQLite format 3\0' + b'x' * 200, 'not a readable recording'),
-    ('text.mcap.zstd', b'not compressed at all', 'cannot be unpacked'),
+    ('text.mcap.zstd', b'not compressed at all', 'is damaged'),
     *(('metadata.yaml', text, 'not a readable recording') for text in (
         b'', b'rosbag2_bagfile_information: 3', b'[', b'rosbag2_bagfile_information: {}')),
 ])

@@ -185,8 +185,6 @@ class _Text:
                 line = line if begun else line.lstrip('#% ')
                 if line.strip() and line[0] not in '#%' and line.strip().lower()[:-1] != 'sep=':
                     yield line
-            if damage := getattr(stream.raw, 'damage', ''):
-                raise InputError(f'{self.path}: is damaged: {damage}')
 
     def _rows(self, lines: Iterator[str]) -> Iterator[list[str]]:
         """Yield the cells of each row; a quoted cell may hold separators and ends of lines."""
