@@ -182,10 +182,8 @@ def write_atomically(path: AnyPath, content: str | bytes, sync: bool = True,
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_file():
             raise InputError(f'{path}: exists and is no ordinary file')
-        kind = path.stat() if path.exists() and not is_model else None
-        read = kind and _inputs.get((kind.st_dev, kind.st_ino))
-        if read and read.exists() and read.samefile(path):
-            raise InputError(f'{path}: is the input itself')
+        if not is_model:
+            _keep_input(path)
         draft = path.with_name(f'.{os.urandom(12).hex()}')
         try:
             with draft.open('xb') as stream:
@@ -201,6 +199,15 @@ def write_atomically(path: AnyPath, content: str | bytes, sync: bool = True,
 def write_yaml(path: AnyPath, document: Any) -> None:
     """Write a model as YAML; raises InputError if it cannot be written."""
     write_atomically(path, to_yaml(document), is_model=True)
+
+
+def _keep_input(path: Path) -> None:
+    """Raise InputError if a file is one that was read, and is still in its place."""
+    with suppress(OSError):
+        kind = path.stat()
+        read = _inputs.get((kind.st_dev, kind.st_ino))
+        if read is not None and read.samefile(path):
+            raise InputError(f'{path}: is the input itself')
 
 
 @contextmanager
