@@ -38,32 +38,26 @@ RULES = {
     'tank: the slid way fills it': ('FILL = 0.025', 'FILL = 0.0'),
     'tank: rest fills it': ('s.saved += p.distance * s.step / REST_TIME', 'pass'),
     'tank: it pays for the wish': ('if owed <= left:', 'if True:'),
-    'wish before the turn': ('TURN_SHARE = 0.15', 'TURN_SHARE = 1e-9'),
-    'wish before the turn: once a way': ('weight < 1.0 and s.way != WENT_ON', 'weight < 1.0'),
-    'wish: heading, d = 0': (
-        'elif aim == 0.0 and (s.way == RESTED', 'elif False and (s.way == RESTED'),
+    'wish before the turn': ('TURN_SHARE, SLOW = 0.10', 'TURN_SHARE, SLOW = 1e-9'),
+    'wish: heading, d = 0': ('elif aim == 0.0 and s.heading != 0.0', 'elif False'),
     'no motion within 0.05 R': ('STILL = 0.05', 'STILL = 0.0'),
-    'preload waits above 0.01 rad/s': ('if abs(s.speed) < LEAD_SPEED else 0.0', ''),
-    'preload takes 0.1 s': ('LEAD_TIME, LEAD_SPEED = 0.1,', 'LEAD_TIME, LEAD_SPEED = 1e-3,'),
+    'preload takes 0.1 s': ('LEAD_TIME = 0.1', 'LEAD_TIME = 1e-3'),
     'preload begins at the help of motion': (
         's.z = math.copysign(min(abs(s.z), abs(s.friction) / (at_rest + 1e-9)), s.z)', 'pass'),
+    'a joint within the slip distance still rests': (
+        '        if abs(s.position - s.rest_position) > p.slip:', '        if True:'),
     'pushed against the preload': (
-        'if aim * s.heading < 0.0 and s.z * s.heading < 0.0 and s.way < SLOWED:', 'if False:'),
+        'elif aim * s.heading < 0.0 and s.z * s.heading < 0.0:', 'elif False:'),
     'another announcement must last': ('or s.lasted > 2.0 * REST_TIME', 'or True'),
-    'a rest begins anew where the gear springs back': (
-        'elif (s.mode == HELD and s.way == TURNED', 'elif (False and s.way == TURNED'),
-    'a held joint within the slip distance still rests': (
-        '        if left:\n', '        if True:\n'),
     'trust: early slip': ('EARLY, LATER = 0.7, 0.94', 'EARLY, LATER = 1.0, 0.94'),
     'trust: later slip': ('EARLY, LATER = 0.7, 0.94', 'EARLY, LATER = 0.7, 1.0'),
-    'trust: slip from rest to rest': ('if p.slip < moved < MOVED and not is_pushed:', 'if False:'),
+    'trust: slip from rest to rest': (
+        'if p.slip < (s.position - s.rest_position) * aim < MOVED and not is_pushed:',
+        'if False:'),
     'trust is kept from rest to rest': ('min(1.0, max(s.trust, s.trusted) + 1.0 - LATER)', '1.0'),
     'trust beyond the identified speeds': (
         'HURRIED = math.radians(60.0), 0.7', 'HURRIED = math.radians(60.0), 1.0'),
-    'breakaway friction near rest': ('STARTS = 3.0', 'STARTS = 1e-6'),
-    'no sliding friction within presliding': (
-        'within = min(1.0, max(0.0, 2.0 - left)) if s.mode == FREE else 0.0', 'within = 0.0'),
-    'but for a joint that yields to its preload': (' if s.mode == FREE else 0.0', ''),
+    'breakaway friction at rest': ('    if s.mode != FREE:\n        return mean\n', ''),
     'a long way is helped less': ('LATE, LATE_TIME = 0.04', 'LATE, LATE_TIME = 0.0'),
     'speed is filtered': ('FILTER_TIME = 0.002', 'FILTER_TIME = 1e-6'),
     'slope limit': ('TURN_TIME = 0.02', 'TURN_TIME = 1e-9'),

@@ -15,7 +15,7 @@ import pytest
 
 from friction_comp import compensation, simulation
 from friction_comp.compensation.law import CompensationLaw, law_parameters
-from friction_comp.compensation.law_kernel import EARLY, FILL, LATE, LATER, REST_TIME, STILL
+from friction_comp.compensation.law_kernel import EARLY, FILL, LATE, LATER, REST_TIME
 from friction_comp.compensation.law_parameters import (
     knows_presliding,
     LARGEST_SHARE,
@@ -67,7 +67,7 @@ def test_what_the_law_gives_is_what_the_gear_takes_and_a_bounded_amount(
     given_back = np.cumsum(current[:-1] * steps)
     taken = np.cumsum(0.5 * (gear[1:] + gear[:-1]) * steps)
     level, distance = SHARE * factor * LEVEL, law.parameters['distance'][0]
-    reversal = 2.0 * (distance + STILL * distance + COUNT)
+    reversal = 2.0 * (distance + law.parameters['play'][0])
     rested = np.abs(np.diff(path, prepend=0.0)).astype(bool).size - np.count_nonzero(steps)
     fills = 1.0 + 1e-3 * (rested + 300.0 * np.count_nonzero(np.diff(directions))) / REST_TIME / 2.0
     # A gear that yields farther than R gives back at each turn what the element does not hold.
@@ -256,7 +256,7 @@ def test_who_edits_the_law_does_not_run_what_was_compiled_before(room):
 def test_a_push_that_nobody_announced_is_helped_from_its_first_displacement(presliding, known):
     """The more, the better presliding is known."""
     model = replace(small_model(), presliding=presliding)
-    distance = float(law_parameters(model)['distance'][0]) - 2.0 * COUNT
+    distance = float(law_parameters(model)['distance'][0]) - COUNT
     assert distance == pytest.approx(1.5 * presliding.distance if not known
                                      else presliding.distance + presliding.std)
     # After 0.4 s of rest, the way is gone within 0.06 s.

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -92,14 +92,10 @@ class CompensationLaw:
     @property
     def limited(self) -> list[tuple[int, str, str]]:
         """Joint, effects and reason where the limit is below what carries at the last sample."""
-        return [(j, ' and '.join(self._effects[j].carrying), f'needs {self._carried[j]:.3g} A, '
-                 f'more than the limit of {self.limits[j]:.3g} A')
-                for j in np.flatnonzero(np.abs(self._carried) > self.limits).tolist()]
-
-    @property
-    def limits(self) -> np.ndarray:
-        """The drives' limits of the current, A, shape (J,)."""
-        return self._parameters['limit'].copy()
+        return [(j, ' and '.join(self._effects[j].carrying),
+                 f'needs {carried:.3g} A, more than the limit of {limit:.3g} A')
+                for j, (carried, limit) in enumerate(zip(self._carried, self._parameters['limit']))
+                if abs(carried) > limit]
 
     @property
     def guards(self) -> dict[str, np.ndarray]:
@@ -147,21 +143,25 @@ class CompensationLaw:
         """
         position = self._row(position, 'position')
         kernel.observe_bank(
-            self._parameters, self._states, float(time), position,
-            self._row(0.0 if velocity is None else velocity, 'velocity'), velocity is not None,
-            self._usable)
-        direction = self._row(direction, 'direction')
-        end = self._row(math.nan if end is None else end, 'end')
-        pushed = self._row(0.0 if is_pushed is None else is_pushed, 'is_pushed')
-        warmth = self._row(math.nan if temperature is None else temperature, 'temperature')
-        torque = self._row(math.nan if load is None else load, 'load')
+            self._parameters, self._states, float(time), position, self._row(velocity, 'velocity'),
+            velocity is not None, self._usable)
+        direction, end = self._row(direction, 'direction'), self._row(end, 'end')
+        pushed = self._row(is_pushed, 'is_pushed')
+        warmth, torque = self._row(temperature, 'temperature'), self._row(load, 'load')
         forward, backward, carried = np.zeros((3, self.joints))
         self.missing = []
         for j, effects in enumerate(self._effects):
-            if effects.terms and self._usable[j] and self._parameters[j]['law'] != NONE:
-                signals = {'temperature': _known(warmth[j]), 'load': _known(torque[j]),
-                           **self._arm_signals(j, position)}
-                forward[j], backward[j], carried[j] = self._effect_currents(j, float(time), signals)
+            p, s, model = self._parameters[j], self._states[j], self.models[j]
+            if not (effects.terms and self._usable[j]) or p['law'] == NONE:
+                continue
+            signals = {'temperature': _known(warmth[j]), 'load': _known(torque[j]),
+                       **self._arm_signals(model, position)}
+            (forward[j], backward[j], carried[j], *shifts), missing = effects.at(
+                float(time), float(s['position']), float(s['speed']), signals,
+                bool(p['law'] >= CONTINUOUS))
+            self.missing += [(j, *entry) for entry in missing]
+            if model.breakaway is not None:
+                set_breakaway(p, model.breakaway, shifts)
         current = np.empty(self.joints)
         kernel.decide_bank(self._parameters, self._states, self._usable, direction, end,
                            pushed, forward, backward, carried, current)
@@ -198,12 +198,10 @@ class CompensationLaw:
 
         The current changes continuously, as with `set_model`, except to a lower limit.
         """
-        limits: list[float | None] = [None] * self.joints
-        if current_limit is not None:
-            limits = self._row(current_limit, 'current_limit').tolist()
+        limits = self._row(math.inf if current_limit is None else current_limit, 'current_limit')
         options: list[dict[str, Any]] = [
             {'law': law, 'breakaway_gain': float(breakaway_gain), 'current_limit': limit,
-             'sample_time': self._sample_time} for limit in limits]
+             'sample_time': self._sample_time} for limit in limits.tolist()]
         parameters = [law_parameters(model, **new) for model, new in zip(self.models, options)]
         self._options = options
         self._take(range(self.joints), parameters)
@@ -218,19 +216,9 @@ class CompensationLaw:
             for j, model in enumerate(self.models) for effect in model.effects
             if self._why_left_out(effect)]
 
-    def _effect_currents(self, joint: int, time: float, signals: dict[str, float | None]
-                         ) -> tuple[float, float, float]:
-        p, s, effects = self._parameters[joint], self._states[joint], self._effects[joint]
-        currents = effects.at(time, float(s['position']), float(s['speed']), signals,
-                              bool(p['law'] >= CONTINUOUS))
-        self.missing += [(joint, *entry) for entry in currents.missing]
-        if self.models[joint].breakaway is not None:
-            set_breakaway(p, self.models[joint].breakaway, currents.shifts)
-        return currents.forward, currents.backward, currents.carried
-
-    def _arm_signals(self, joint: int, positions: np.ndarray) -> dict[str, float | None]:
+    def _arm_signals(self, model: FrictionModel, positions: np.ndarray) -> dict[str, float | None]:
         """Return the arm's torque on a joint at rest, None if other joints are unknown."""
-        model, signals = self.models[joint], dict.fromkeys(('rigid_body', 'coupling'))
+        signals = dict.fromkeys(_ARM_SIGNALS)
         known = {one.joint: position for position, one in zip(positions, self.models)}
         return signals if model.arm is None else {
             **signals, **model.arm.at_rest(known, model.joint)}
@@ -240,14 +228,13 @@ class CompensationLaw:
             return "the limb's weight is left to the robot's controller"
         return effect.not_fed_back
 
-    def _row(self, values: ArrayLike, name: str) -> np.ndarray:
-        row = np.asarray(values, dtype=float)
-        if not row.ndim:
-            return np.full(self.joints, row)
-        if row.shape != (self.joints,):
+    def _row(self, values: ArrayLike | None, name: str) -> np.ndarray:
+        """Return a value for each joint; NaN where there is none."""
+        row = np.asarray(math.nan if values is None else values, dtype=float)
+        if row.ndim and row.shape != (self.joints,):
             raise InputError(
                 f'{name} needs {self.joints} values, one a joint, not shape {row.shape}')
-        return row
+        return np.broadcast_to(row, self.joints).copy()
 
 
 def _known(value: float) -> float | None:
@@ -255,20 +242,6 @@ def _known(value: float) -> float | None:
 
 
 # Effects.
-
-class Currents(NamedTuple):
-    """The currents of a joint's effects, A."""
-
-    # Friction's in the positive and the negative direction of sliding.
-    forward: float
-    backward: float
-    # What does not depend on the direction.
-    carried: float
-    # Corrections of the magnitudes of the breakaway currents at this position.
-    shifts: tuple[float, float]
-    # Effects left out, with the missing signals; no signals if the value is not finite.
-    missing: list[tuple[str, tuple[str, ...]]]
-
 
 class EffectCurrents:
     """The effects of one joint's model that are applied: `terms`, effects with their live term.
@@ -279,13 +252,11 @@ class EffectCurrents:
     def __init__(self, model: FrictionModel, why_left_out: Callable[[Effect], str]) -> None:
         self.terms = [
             (effect, LiveTerm(effect)) for effect in model.effects if not why_left_out(effect)]
-        both = model.breakaway
-        # Where the positive and negative breakaway currents were measured, rad.
-        self._places: tuple[float, ...] = ()
-        if both is not None and both.positive_position is not None and (
-                both.negative_position is not None):
-            self._places = both.positive_position, both.negative_position
         self.carrying = [effect.name for effect, _ in self.terms if effect.role == CARRIES]
+        # Where the positive and negative breakaway currents were measured, rad.
+        both = model.breakaway
+        places = (both.positive_position, both.negative_position) if both else (None, None)
+        self._places = [place for place in places if place is not None and None not in places]
 
     def reset(self) -> None:
         """Forget the motion."""
@@ -293,15 +264,16 @@ class EffectCurrents:
             term.reset()
 
     def at(self, time: float, position: float, speed: float, signals: dict[str, float | None],
-           by_direction: bool = True) -> Currents:
-        """Return the currents of the effects.
+           by_direction: bool = True) -> tuple[list[float], list[tuple[str, tuple[str, ...]]]]:
+        """Return the currents of the effects, A, and what is left out with the missing signals.
 
-        `signals` are ``temperature``, ``load``, ``rigid_body`` and ``coupling``, None if unknown.
-        `by_direction`: friction is given for both directions of sliding, as the continuous law
-        needs it; otherwise for that of the speed, in `carried`.
+        Currents are friction's in the positive and the negative direction of sliding, what does not
+        depend on the direction, and by how much more the magnitudes of the breakaway currents are
+        at this position. No signals are missing of an effect whose value is not finite.
+        `by_direction`: friction is given for both directions, as the continuous law needs it;
+        otherwise for that of the speed, as what does not depend on it.
         """
-        forward = backward = carried = 0.0
-        shifts, missing = [0.0, 0.0], []
+        currents, missing = [0.0] * 5, []
         for effect, term in self.terms:
             unknown = tuple(name for name in term.needs if signals[name] is None)
             parts = (math.nan, math.nan, math.nan)
@@ -312,13 +284,14 @@ class EffectCurrents:
             if not all(map(math.isfinite, parts)):
                 missing.append((effect.name, unknown))
                 continue
-            forward, backward = forward + parts[0], backward + parts[1]
-            carried += parts[2]
+            shifts: list[float] = []
             # Terms with memory, and torques of the whole arm, cannot be evaluated elsewhere.
             if not (term.has_memory or _ARM_SIGNALS & set(term.needs)):
-                for side, place in enumerate(self._places):
-                    shifts[side] += self._shift(effect, term, time, position, place, side, signals)
-        return Currents(forward, backward, carried, (shifts[0], shifts[1]), missing)
+                shifts = [self._shift(effect, term, time, position, place, side, signals)
+                          for side, place in enumerate(self._places)]
+            for k, part in enumerate((*parts, *shifts)):
+                currents[k] += part
+        return currents, missing
 
     @staticmethod
     def _shift(effect: Effect, term: LiveTerm, time: float, position: float, place: float,

@@ -36,29 +36,24 @@ from friction_comp.model.sigmoid import kinetic_current
 compiled_kinetic_current = njit(cache=True)(kinetic_current)
 FREE, LEADING, HELD = range(3)
 """The joint moves; z goes to the announced direction at a joint that rests; it rests."""
-RESTED, TURNED, SLOWED, WENT_ON = range(4)
-"""A way that began at rest without help; any other; one on which help was given back, for who
-slowed down; and one on which the joint then went on."""
 LONGEST_STEP = 0.1
 """s; after a longer pause, or a clock that was set, the operator is reset."""
 FILTER_TIME = 0.002
 """s of each of the two filters that a speed goes through."""
 LATE, LATE_TIME = 0.04, 0.5
 """Share withheld of a way that has lasted for so long, s: a joint that is let go comes to rest."""
-STARTS = 3.0
-"""R from rest over which breakaway friction holds the joint; it fades over as much again."""
 FILL = 0.025
 """Share of the slid way that goes into the tank: what the share of help leaves to the gear."""
-STILL = 0.05
-"""Share of R, beyond encoder counts, that is no motion: of a joint that rests, or that nobody
-pushes; and the play of the operator, so that no vibration of a held joint moves z."""
 REST_TIME = 0.15
 """s for which a joint must be still to rest. Twice that fills the tank; so long must another
 announcement last at a joint that has its preload."""
-LEAD_TIME, LEAD_SPEED = 0.1, 0.01
-"""s over which the preload rises, and rad/s below which it does: a soft gear would overshoot."""
-TURN_SHARE = 0.15
-"""Share of a way's top speed below which the wish turns from heading to announced direction."""
+LEAD_TIME = 0.1
+"""s over which the preload rises, and goes where somebody pushes against it."""
+TURN_SHARE, SLOW = 0.10, 0.01
+"""Share of a way's top speed below which the wish turns from heading to announced direction: with
+less, help is still there at a turn; with more, a joint stops short of where the hand wants it. And
+rad/s, with which a preload moves a joint; ways slower than ten times that give nothing back.
+"""
 EARLY, LATER = 0.7, 0.94
 """Factors on trust: of a slip as early as the law alone would cause it, and of any other."""
 MOVED = math.radians(1.0)
@@ -71,23 +66,21 @@ def operate(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
 
     `aim` is the announced direction times the share of help at rest.
     """
-    play = STILL * p.distance + p.resolution
-    driven = min(s.position + play, max(s.position - play, s.play))
-    moved, s.play = driven - s.play, driven
+    driven = min(s.position + p.play, max(s.position - p.play, s.driven))
+    moved, s.driven = driven - s.driven, driven
     # A joint that is not on its way is told otherwise when that has lasted, creep or not.
     s.lasted += s.step
     on_its_way = s.mode == FREE and s.heading != 0.0
     if on_its_way or s.aim == 0.0 or aim == s.aim or s.lasted > 2.0 * REST_TIME:
         s.aim, s.lasted = aim, 0.0
-    aim = s.aim
-    _note_rest(p, s, aim, is_pushed)
-    free = min(1.0, max(-1.0, s.z + moved / p.distance))
+    _note_rest(p, s, s.aim, is_pushed)
     _note_way(p, s)
     if s.mode == LEADING:
-        _watch_slip(p, s, aim, is_pushed)
+        _watch_slip(p, s, s.aim, is_pushed)
     elif s.mode == FREE and abs(s.position - s.rest_position) > MOVED and s.trusted < 2.0:
         s.trust, s.trusted = min(1.0, max(s.trust, s.trusted) + 1.0 - LATER), 2.0
-    wish, rate = _wish(s, p.distance, aim, free)
+    free = min(1.0, max(-1.0, s.z + moved / p.distance))
+    wish, rate = _wish(p, s, s.aim, free)
     begin = s.z if s.mode == LEADING else free
     z = begin + min(rate * s.step, max(-rate * s.step, wish - begin))
     # What displacement alone would give, and what the slid way adds, less what help gave.
@@ -95,7 +88,7 @@ def operate(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     slid = abs(moved - p.distance * (element - s.element))
     left = (s.saved + (1.0 + FILL) * slid - s.z * moved
             + _debt(p.distance, s.z, s.element) - _debt(p.distance, free, element))
-    price = p.distance + play
+    price = p.distance + p.play
     for _ in range(12):
         owed = (_debt(price, z, element) - _debt(price, free, element))
         if owed <= left:
@@ -117,7 +110,7 @@ def _debt(distance: float, z: float, element: float) -> float:
 def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     """Note whether the joint rests, and begin what a rest begins."""
     s.still_time, s.since = s.still_time + s.step, s.since + s.step
-    if abs(s.position - s.still_position) > STILL * p.distance + 1.5 * p.resolution:
+    if abs(s.position - s.still_position) > p.play:
         s.still_position, s.still_time = s.position, 0.0
     if s.still_time >= REST_TIME or s.mode == LEADING:
         s.saved += p.distance * s.step / REST_TIME
@@ -125,39 +118,28 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         s.mode = FREE if s.mode == HELD else s.mode
         return
     if s.mode == FREE:
-        moved = (s.position - s.rest_position) * aim
-        if p.slip < moved < MOVED and not is_pushed:
+        if p.slip < (s.position - s.rest_position) * aim < MOVED and not is_pushed:
             s.trust *= LATER
-        s.trusted, s.farthest = s.trust, s.position
+        s.trusted = s.trust
         # Within the slip distance a joint that creeps has not left its position of rest.
-        left = abs(s.position - s.rest_position) > p.slip
-        if left:
+        if abs(s.position - s.rest_position) > p.slip:
             s.rest_position = s.position
-        if left or s.friction == 0.0:
-            # Help goes on from what it was in motion, which is a smaller part of breakaway
-            # friction. A gear that sprang back got none for that.
+            # Help goes on from what it was in motion, a smaller part of breakaway friction.
             at_rest = s.trust * p.share * (p.break_positive if s.z > 0.0 else p.break_negative)
             s.z = math.copysign(min(abs(s.z), abs(s.friction) / (at_rest + 1e-9)), s.z)
     # Where displacement has led z beyond its aim, help only decreases, which moves no joint.
     if s.mode != LEADING and (aim - s.z) * aim > 0.02 * abs(aim):
-        s.mode, s.begin, s.since, s.still_time = LEADING, s.position, 0.0, 0.0
+        s.mode, s.since, s.still_time = LEADING, 0.0, 0.0
         # A joint yields twice as far from one preload to the other as from none.
         s.yields = p.slip * max(1.0, abs(aim - s.z))
-    elif (s.mode == HELD and s.way == TURNED and aim == 0.0 and abs(s.z) < 0.02
-          and abs(s.speed) * REST_TIME > STILL * p.distance + 1.5 * p.resolution):
-        # Help has decayed, and the gear still springs back: the rest begins when that is over.
-        s.mode, s.still_position, s.still_time = FREE, s.position, 0.0
-        return
     else:
-        s.mode, s.begin = HELD, s.position
-        if aim == 0.0:
-            s.rest_position = s.position
-    s.way = RESTED if abs(s.z) < 0.02 else TURNED
+        s.mode = HELD
+    s.begin, s.rested = s.position, int(abs(s.z) < 0.02)
     # While help decays at rest, a gear springs back.
-    s.heading = 0.0 if s.way == RESTED or aim != 0.0 else math.copysign(1.0, s.z)
+    s.heading = 0.0 if s.rested == 1 or aim != 0.0 else math.copysign(1.0, s.z)
     s.top = 0.0
     # No gear moves against its preload.
-    if s.way == RESTED or (s.position - s.farthest) * s.z > 0.0:
+    if s.rested == 1 or (s.position - s.farthest) * s.z > 0.0:
         s.farthest = s.position
 
 
@@ -169,56 +151,54 @@ def _note_way(p: Parameters, s: State) -> None:
     """
     beyond, width = s.position - s.farthest, p.distance
     if s.heading == 0.0 and s.mode != LEADING:
-        width = STILL * p.distance + 1.5 * p.resolution
+        width = p.play - 0.5 * p.resolution
     if beyond * s.heading > 0.0:
         s.farthest = s.position
     elif abs(beyond) > width:
-        s.way = s.way if s.heading == 0.0 else TURNED
+        s.rested = s.rested if s.heading == 0.0 else 0
         s.heading, s.farthest, s.top = math.copysign(1.0, beyond), s.position, 0.0
         if s.mode != LEADING:
-            s.mode, s.still_position, s.still_time = FREE, s.position, 0.0
-            s.begin, s.since = s.position, 0.0
+            _begin_way(s)
     s.top = max(s.top, s.speed * s.heading)
+
+
+@njit(cache=True)
+def _begin_way(s: State) -> None:
+    s.mode, s.still_position, s.still_time = FREE, s.position, 0.0
+    s.begin, s.since = s.position, 0.0
 
 
 @njit(cache=True)
 def _watch_slip(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     """End leading where the joint slips, is pushed the other way, or holds its preload."""
     moved = (s.position - s.begin) * math.copysign(1.0, aim)
-    if aim == 0.0 or abs(moved) > s.yields or -moved > STILL * p.distance + 1.5 * p.resolution:
-        if aim != 0.0 and moved > s.yields:
+    if aim == 0.0 or moved > s.yields or moved < -p.play:
+        if aim != 0.0 and moved > 0.0:
             s.rest_position = s.begin
-            # The law moves the joint at about the speed above which it waits. The push of a
-            # person grows more slowly.
+            # The law moves a joint at about `SLOW`; the push of a person grows more slowly.
             if not is_pushed:
-                early = s.since < LEAD_TIME + 0.5 * p.slip / LEAD_SPEED
+                early = s.since < LEAD_TIME + 0.5 * p.slip / SLOW
                 s.trust *= EARLY * abs(s.z) if early else LATER
-        s.mode, s.still_time, s.still_position = FREE, 0.0, s.position
-        s.begin, s.since = s.position, 0.0
+        _begin_way(s)
     elif abs(s.z - aim) > 0.02:
         s.still_time = 0.0
 
 
 @njit(cache=True)
-def _wish(s: State, distance: float, aim: float, free: float) -> tuple[float, float]:
+def _wish(p: Parameters, s: State, aim: float, free: float) -> tuple[float, float]:
     """Return where z should be, and how fast it may go there, 1/s; `free` is by displacement."""
     if s.mode != FREE:
-        return aim, 1.0 / LEAD_TIME if abs(s.speed) < LEAD_SPEED else 0.0
-    if s.heading == 0.0:
-        return free, 0.0
-    if aim * s.heading < 0.0 and s.z * s.heading < 0.0 and s.way < SLOWED:
-        # Somebody pushes against the preload: no gear yields that way.
-        return 0.0, 1.0 / LEAD_TIME
-    weight = (max(0.0, s.speed * s.heading) + LEAD_SPEED) / (TURN_SHARE * s.top + 1e-9)
-    if weight < 1.0 and s.way != WENT_ON:
-        s.way = SLOWED
+        return aim, 1.0 / LEAD_TIME
+    weight = (max(0.0, s.speed * s.heading) + SLOW) / (TURN_SHARE * s.top + 1e-9)
+    if weight < 1.0:
         wish = weight * s.heading + (1.0 - weight) * aim
         if aim * s.heading <= 0.0 and (wish - free) * s.heading <= 0.0:
             return wish, 1e6
-    elif weight > 1.5 and s.way == SLOWED:
-        s.way = WENT_ON     # Once a way: otherwise a heavy joint would stop and go.
-    elif aim == 0.0 and (s.way == RESTED or (
-            s.way == TURNED and (s.position - s.begin) * s.heading > distance)):
+    elif aim * s.heading < 0.0 and s.z * s.heading < 0.0:
+        # Somebody pushes against the preload: no gear yields that way.
+        return 0.0, 1.0 / LEAD_TIME
+    elif aim == 0.0 and s.heading != 0.0 and (
+            s.rested == 1 or (s.position - s.begin) * s.heading > p.distance):
         return s.heading, 1e6
     return free, 0.0
 
@@ -226,10 +206,10 @@ def _wish(s: State, distance: float, aim: float, free: float) -> tuple[float, fl
 @njit(cache=True)
 def settle(s: State, position: float) -> None:
     """Reset to a joint at rest at this position, with the operator relaxed."""
-    s.position = s.play = s.still_position = s.rest_position = s.farthest = s.begin = position
+    s.position = s.driven = s.still_position = s.rest_position = s.farthest = s.begin = position
     s.half_speed = s.speed = s.z = s.element = s.still_time = s.since = s.doubt = 0.0
     s.heading = s.top = s.saved = s.aim = 0.0
-    s.mode, s.way = FREE, 0
+    s.mode, s.rested = FREE, 1
 
 
 @njit(cache=True)
@@ -287,15 +267,11 @@ def friction_level(p: Parameters, s: State, positive: bool, more: float) -> floa
     settled = math.tanh(0.5 * p.steepness * speed)
     # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
     sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)))
-    # Until the joint has left its position of rest, breakaway friction holds it. Speed within
-    # presliding is not sliding: it would follow a vibration, some samples late. But a joint that
-    # yields to the law's own preload slides, lest it creep on.
-    near, left = max(0.0, min(sliding, mean)), abs(s.position - s.rest_position) / p.distance
-    near += min(1.0, max(0.0, 2.0 - left / STARTS)) * (mean - near)
-    within = min(1.0, max(0.0, 2.0 - left)) if s.mode == FREE else 0.0
+    if s.mode != FREE:
+        return mean
+    near = min(sliding, mean)
     # Beyond the identified speeds friction may rise less.
-    rises = settled * min(1.0, speed / LEAD_SPEED) * (1.0 - within)
-    return near + (sliding + p.viscous * min(speed, p.identified) - near) * rises
+    return near + (sliding + p.viscous * min(speed, p.identified) - near) * settled
 
 
 @njit(cache=True)

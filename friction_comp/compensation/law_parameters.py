@@ -8,6 +8,7 @@ Parameters come from a model, with safe defaults.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 
 from numba import config
@@ -27,6 +28,9 @@ LEAST_SHARE, LARGEST_SHARE = 0.80, 0.96
 # R is presliding plus its standard deviation, at most this multiple of presliding; this multiple
 # where that is unknown. A joint that moves farther than this multiple and its backlash slips.
 LONGER = 1.5
+# Share of R, beyond an encoder count, that is no motion: of a joint that rests, or that nobody
+# pushes; and the play of the operator, so that no vibration of a held joint moves z.
+STILL = 0.05
 # rad; if the model has no presliding distance. Measured geared joints had 0.1 to 1 mrad.
 DEFAULT_PRESLIDING = 1e-3
 DEFAULT_RESOLUTION = 1e-5
@@ -51,6 +55,7 @@ class Parameters:
     gain: float             # share of breakaway at rest
     share: float            # share of friction that is fed forward
     distance: float         # R, rad
+    play: float             # of the operator, rad; less than that is no motion
     slip: float             # more than the gear yields under the preload, rad
     identified: float       # fastest identified speed, rad/s
     lowest: float           # position limits, rad; none if they are equal
@@ -70,7 +75,7 @@ class State:
     dropped: float          # how many samples were
     z: float                # of the operator, -1..1
     element: float          # what z would be by displacement alone
-    play: float             # position behind the operator's play, rad
+    driven: float           # position behind the operator's play, rad
     saved: float            # in the tank, rad
     still_time: float       # for how long the joint has been still, s, and where, rad
     still_position: float
@@ -86,7 +91,7 @@ class State:
     heading: float          # of this way, -1, 0 or 1; its farthest point, rad; top speed, rad/s
     farthest: float
     top: float
-    way: int                # of which kind, one of those above
+    rested: int             # whether this way began at rest without help
     outward: float          # direction of the movement announced last, 0 once it is over
     end: float              # of that movement, rad
     beyond: int             # whether the joint has been beyond that
@@ -113,7 +118,7 @@ def zeros(count: int, fields: np.dtype) -> np.ndarray:
 
 
 def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain: float = 0.9,
-                   current_limit: float | None = None, sample_time: float = 1e-3) -> np.ndarray:
+                   current_limit: float = math.inf, sample_time: float = 1e-3) -> np.ndarray:
     """Return the kernel's parameters of one joint: PARAMETERS, shape (1,).
 
     Parameters
@@ -132,15 +137,12 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     """
     if law not in LAWS:
         raise InputError(f'law must be one of {", ".join(LAWS)}, not {law!r}')
-    if not (math.isfinite(breakaway_gain) and 0.0 <= breakaway_gain <= 2.0):
-        raise InputError(f'breakaway_gain must be between 0 and 2, not {breakaway_gain!r}')
-    limit = model.drive.current_limit
-    if current_limit is not None:
-        if not (math.isfinite(current_limit) and current_limit >= 0.0):
-            raise InputError(f'current_limit must not be negative, not {current_limit!r}')
-        limit = min(limit, float(current_limit))
-    if not (math.isfinite(sample_time) and sample_time > 0.0):
-        raise InputError(f'sample_time must be positive, not {sample_time!r}')
+    for name, value, least, most in (
+            ('breakaway_gain', breakaway_gain, 0.0, 2.0), ('sample_time', sample_time, 1e-9, 1e9),
+            ('current_limit', current_limit, 0.0, math.inf)):
+        if not least <= value <= most:
+            raise InputError(f'{name} must be between {least:g} and {most:g}, not {value!r}')
+    limit = min(model.drive.current_limit, current_limit)
     p = np.zeros(1, PARAMETERS)
     p['law'], p['limit'], p['sample_time'] = LAWS[law], limit, sample_time
     for name in ('upper', 'lower', 'steepness', 'shift', 'viscous'):
@@ -159,7 +161,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
 
 
 def set_breakaway(p: np.void, breakaway: Breakaway | None,
-                  shifts: tuple[float, float] = (0.0, 0.0)) -> None:
+                  shifts: Sequence[float] = (0.0, 0.0)) -> None:
     """Set the breakaway friction at this position in a joint's parameters.
 
     `shifts` are added to the magnitudes of the positive and negative mean, A.
@@ -180,19 +182,16 @@ def knows_presliding(model: FrictionModel) -> bool:
 
 def _set_distances(p: np.ndarray, model: FrictionModel) -> None:
     """Set what is in rad: R of the friction operator, and the distances that follow from it."""
-    count = model.drive.position_resolution or DEFAULT_RESOLUTION
-    # Where presliding is unknown, the default already is a large one.
-    distance, slip = LONGER * DEFAULT_PRESLIDING, DEFAULT_PRESLIDING
-    if model.presliding is not None:
-        distance = slip = LONGER * model.presliding.distance
-        slip += model.presliding.backlash or 0.0
-        if knows_presliding(model):
-            distance = min(distance, model.presliding.distance + (model.presliding.std or 0.0))
+    count, known = model.drive.position_resolution or DEFAULT_RESOLUTION, model.presliding
+    distance = slip = LONGER * (known.distance if known else DEFAULT_PRESLIDING)
+    if known is not None and knows_presliding(model):
+        distance = min(distance, known.distance + (known.std or 0.0))
     # What the share leaves to the gear covers friction that reverses over a longer distance, or R.
     left = (1.0 - SHARE) * max(model.sigmoid.upper, -model.sigmoid.lower)
     for effect in model.effects:
         friction, reversal = (not effect.not_fed_back and effect.dahl_friction()) or (0.0, 0.0)
         if friction > left:
             distance = max(distance, LONGER * reversal)
-    distance += 2.0 * count
-    p['resolution'], p['distance'], p['slip'] = count, distance, slip + 4.0 * count
+    distance += count
+    p['resolution'], p['distance'], p['play'] = count, distance, STILL * distance + count
+    p['slip'] = slip + 4.0 * count + (known.backlash or 0.0 if known else 0.0)

@@ -73,8 +73,8 @@ class CompensationLoop:
         self._set_limits()
 
     def _set_limits(self) -> None:
-        self._port.set_limits(
-            self._law.limits, [model.drive.torque_per_current for model in self._law.models])
+        self._port.set_limits(self._law.parameters['limit'], [
+            model.drive.torque_per_current for model in self._law.models])
 
     def hear(self, message: Any, info: dict[str, Any]) -> None:
         """Answer a joint state; `info` is what the middleware says of the message."""
