@@ -79,8 +79,7 @@ def bounds_of_sketch(term, count):
 # What is put in the place of which names of `friction_comp.refinement`.
 EXCHANGES = {
     'motion: source and cut-off by parts of time, once': {
-        'prepare.Problem.plain_settings': property(filter_by_time),
-        'search._at_best_motion': lambda problem, fit: fit},
+        'prepare.Problem.plain_settings': property(filter_by_time)},
     'columns: its effects alone, none at the start': {
         'search.first_model': lambda table: [], 'search.proposals': columns_of_sketch},
     'bounds': {'effect_columns.signs_of': bounds_of_sketch},
@@ -89,14 +88,11 @@ EXCHANGES = {
     'naming: time as any other': {'search.Search.holds_over_time': lambda *_: True}}
 RULES = {
     'a lag': {'search._with_best_lag': lambda fit: fit.settings},
-    'a lag by a plain drive, too': {'search._PLAIN_TOO': False},
-    'filters chosen again': {'search._at_best_motion': lambda problem, fit: fit},
     'transition by all samples': {'search._fit_transition_to_all_samples': lambda *_: None},
     'constants adjusted': {'search.adjust_constants': lambda table, terms, rounds: list(terms)},
     'signs': {'effect_columns._EQ6_SIGNS': (0,) * 5,
               'effect_columns.signs_of': lambda term, count: [0] * count},
-    'filters of signals': {'search.choose_signals': lambda *_: {},
-                           'prepare.choose_signals': lambda *_: {}}}
+    'filters of signals': {'prepare.choose_signals': lambda *_: {}}}
 
 
 def change(name):

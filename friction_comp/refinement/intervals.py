@@ -75,7 +75,7 @@ def _unsettled(fit: Fit) -> list[np.ndarray]:
     """
     table, rows = fit.table, fit.rows
     kinds = {term.kind for term in fit.terms}
-    prediction = fit.columns() @ list(table.coefficients(fit.terms).values())
+    prediction = fit.columns(rows) @ list(table.coefficients(fit.terms).values())
     step = max(_LAG_STEP, rows.samples.sample_time)
     moved = [rows.averaged(shifted_in_time(prediction, rows.samples, count * step) - prediction)
              for count in (-4, -2, -1, 1, 2, 4)]

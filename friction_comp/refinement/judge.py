@@ -311,14 +311,10 @@ def _findings_on_joints(rows: Rows, raw: Samples) -> Iterator[Finding]:
                 'that is on the same shaft')
 
 
-def fault_of_velocity(raw: Samples) -> str:
-    """Return how the recorded velocity contradicts the position, beside a delay; '' if not."""
-    return '' if raw.velocity is None else velocity_agreement(
-        raw.time, raw.position, raw.velocity, raw.position_step).fault
-
-
 def _findings_on_signals(rows: Rows, raw: Samples) -> Iterator[Finding]:
-    if fault := fault_of_velocity(raw):
+    fault = '' if raw.velocity is None else velocity_agreement(
+        raw.time, raw.position, raw.velocity, raw.position_step).fault
+    if fault:
         yield Finding('signals', f'{fault[0].upper()}{fault[1:]}.', IN_PART,
                       'let one clock stamp position, velocity and current, and check the units of '
                       'velocity')

@@ -4,8 +4,7 @@
 
 Terms are added while that error becomes clearly smaller, and removed while it does not become
 clearly larger: what is left is the smallest model whose error is within the scatter of the best.
-Constants are adjusted between the points of their grids. The bandwidth and the lag of motion are
-chosen with the terms found.
+Constants are adjusted between the points of their grids. A lag is chosen with the terms found.
 """
 
 from __future__ import annotations
@@ -18,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.differentiation import MEASURED, shifted_in_time
+from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effect import Coverage
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums, held_out_error
 from friction_comp.refinement.effect_columns import (
+    EQ6_COLUMNS,
     eq6_columns,
     EQ6_LINEAR,
     first_model,
@@ -32,8 +32,7 @@ from friction_comp.refinement.effect_columns import (
     Table,
     Term,
 )
-from friction_comp.refinement.prepare import arm_motion, choose_signals, prepare, Problem, Rows
-from friction_comp.samples import Samples
+from friction_comp.refinement.prepare import prepare, Problem, Rows
 
 _STEP = 1e-3
 _RIDGE = 1e-6
@@ -64,8 +63,8 @@ def error_reductions(sums: np.ndarray, chosen: list[int], candidates: Sequence[S
     return reductions * norm[-1] ** 2
 
 
-def is_better(before: np.ndarray, after: np.ndarray, least: float = thresholds.LEAST_SHARE
-              ) -> bool:
+def is_better(before: np.ndarray, after: np.ndarray, least: float | None = None,
+              scatters: float | None = None) -> bool:
     """Return whether an error becomes clearly lower: by a share, and beyond its scatter.
 
     Both are those of each regime, (K,) or the last row of (L, K); where more is left out, the error
@@ -78,8 +77,18 @@ def is_better(before: np.ndarray, after: np.ndarray, least: float = thresholds.L
     ratio, count = (one - other) / np.maximum(one + other, 1e-300), len(one)
     scatter = math.sqrt(float(np.sum((ratio - ratio.mean()) ** 2)) / (count - 1) / count)
     errors = float(ratio.mean()) / max(scatter, 1e-12)
+    least = thresholds.LEAST_SHARE if least is None else least
+    scatters = thresholds.STANDARD_ERRORS if scatters is None else scatters
     return bool(share > least and after.sum() < before.sum() and errors > (
-        thresholds.STANDARD_ERRORS * (0.5 if share > 0.5 else 1.0)))
+        scatters * (0.5 if share > 0.5 else 1.0)))
+
+
+def is_needed(term: Term, before: np.ndarray, after: np.ndarray) -> bool:
+    """Return whether a term lowers the error enough, of each regime before and after.
+
+    What every drive may have does so by its share alone: whatever the regimes, it is there.
+    """
+    return is_better(before, after, scatters=0.0 if term.kind.in_first_model else None)
 
 
 class Search:
@@ -144,7 +153,7 @@ class Search:
             trials.sort(key=lambda trial: (
                 trial[1].kind.variable == 'time', float(trial[0][-1].sum())))
             for after, term in trials:
-                if is_better(before, after) and self.holds_over_time(term, terms):
+                if is_needed(term, before, after) and self.holds_over_time(term, terms):
                     grown = self.backward(self.adjusted([*terms, term]))
                     if self.errors(grown).sum() < before.sum():
                         terms = grown
@@ -181,7 +190,7 @@ class Search:
                 if term in self.fixed:
                     continue
                 without = self.errors(rest)
-                if not is_better(without, full):
+                if not is_needed(term, without, full):
                     trials.append((float(without[-1].sum()), term))
             if not trials:
                 return terms
@@ -298,7 +307,7 @@ def _with_current_loads(table: Table, terms: list[Term]) -> list[Term]:
     return terms
 
 
-# Most times that filters, or a lag, are chosen with the terms found before.
+# Most times that a lag is chosen with the terms found before.
 _LAG_ROUNDS = 5
 # Number of lags that are tried on each side, from half a sample to the longest, and between them.
 _LAGS, _PARABOLAS = 9, 3
@@ -334,17 +343,17 @@ class Fit:
         """
         return np.sqrt(self.table.errors(terms).sum(axis=1) / float(self.table.sums.rows.sum()))
 
-    def columns(self) -> np.ndarray:
-        """Return the columns of Eq. 6 and of the terms on all samples, shape (N, S)."""
-        return np.column_stack([eq6_columns(self.rows, *self.table.transition)[:, :EQ6_LINEAR],
-                                *(term.columns(self.rows) for term in self.terms)])
+    def columns(self, rows: Rows, count: int = EQ6_LINEAR) -> np.ndarray:
+        """Return `count` columns of Eq. 6 and those of the terms on all samples, shape (N, S)."""
+        return np.column_stack([eq6_columns(rows, *self.table.transition)[:, :count],
+                                *(term.columns(rows) for term in self.terms)])
 
     def residual(self) -> np.ndarray:
         """Return the residual of each sample by a fit to all other regimes, A, shape (N,)."""
         table, rows = self.table, self.table.rows
         fits = table.sums.fits(
             table.indices(self.terms, derivatives=False), 1.0 - np.eye(rows.blocks))
-        return rows.target - np.einsum('ns,ns->n', self.columns(), fits[rows.block_of_sample])
+        return rows.target - np.einsum('ns,ns->n', self.columns(rows), fits[rows.block_of_sample])
 
     def chosen(self, term: Term) -> float:
         """Return the share of regimes that are predicted better with a term."""
@@ -385,60 +394,29 @@ def search_with(problem: Problem, settings: dict[str, Any], begin: Sequence[Term
 
 
 def find_best_fit(problem: Problem) -> Fit:
-    """Return the best fit over bandwidths and lags, each tried with the terms found before.
+    """Return the best fit over lags, each tried with the terms found before.
 
     What history explains, a lag may explain as well: with each, the search goes on to its end.
     """
-    best = lagged = _at_best_motion(problem, search_with(problem, problem.plain_settings))
+    best = lagged = search_with(problem, problem.plain_settings)
     # Terms stood in for a part of the lag: with them gone, it is found once more.
     for _ in range(_LAG_ROUNDS):
         settings = _with_best_lag(lagged)
         if settings == lagged.settings:
             break
-        again = _at_best_motion(problem, search_with(
-            problem, settings, lagged.terms[lagged.initial_count:]))
+        again = search_with(problem, settings, lagged.terms[lagged.initial_count:])
         if lagged is not best and _mean_error(again) > (
                 1.0 + thresholds.LAG_SHARE) * _mean_error(lagged):
             break
         lagged = again
-    best = _better(best, lagged, thresholds.LAG_SHARE)
+    before, after = (fit.table.errors(fit.terms) / fit.table.sums.rows for fit in (best, lagged))
+    best = lagged if is_better(before, after, thresholds.LAG_SHARE) else best
     return refit(best, best.terms)
-
-
-def _at_best_motion(problem: Problem, fit: Fit) -> Fit:
-    """Return the fit, or that at the filters of motion and signals with which it predicts best.
-
-    A plain drive knows of no ripple, which a filter of motion or of the load blurs.
-    """
-    settings = _with_best_motion(problem, fit)
-    if settings == fit.settings:
-        return fit
-    return _better(fit, search_with(problem, settings, fit.terms[fit.initial_count:]),
-                   thresholds.EQUIVALENT)
 
 
 def _mean_error(fit: Fit) -> float:
     """Return the squared error in regimes that were not fitted."""
     return float(fit.table.errors(fit.terms).sum()) / len(fit.table.target)
-
-
-def _better(first: Fit, second: Fit, least: float) -> Fit:
-    """Return the second fit if it has clearly less error, by a share; else the first."""
-    before, after = (fit.table.errors(fit.terms) / fit.table.sums.rows for fit in (first, second))
-    return second if is_better(before, after, least) else first
-
-
-def _columns(fit: Fit, rows: Rows) -> np.ndarray:
-    """Return the columns of Eq. 6 and of a fit's terms on all samples of rows, shape (N, P)."""
-    return np.column_stack([eq6_columns(rows, *fit.table.transition),
-                            *(term.columns(rows) for term in fit.terms)])
-
-
-def _error(fit: Fit, columns: np.ndarray) -> float:
-    """Return the held-out squared error of a fit's terms with other columns, shape (N, P)."""
-    averages = fit.rows.averaged(columns)
-    return held_out_error(averages, fit.table.target, fit.rows.block) if np.isfinite(
-        averages).all() else math.inf
 
 
 def _with_best_lag(fit: Fit) -> dict[str, Any]:
@@ -453,10 +431,13 @@ def _with_best_lag(fit: Fit) -> dict[str, Any]:
     sizes = np.geomspace(0.5, max(thresholds.LONGEST_LAG / step, 1.0), _LAGS) * step
     grid = [*(-sizes).tolist(), 0.0, *sizes.tolist()]
     for tried in tries:
-        columns = _columns(tried, rows)
+        columns = tried.columns(rows, EQ6_COLUMNS)
 
-        def error(lag: float, tried: Fit = tried, columns: np.ndarray = columns) -> float:
-            return _error(tried, shifted_in_time(columns, rows.samples, lag) if lag else columns)
+        def error(lag: float, columns: np.ndarray = columns) -> float:
+            moved = shifted_in_time(columns, rows.samples, lag) if lag else columns
+            averages = rows.averaged(moved)
+            return held_out_error(averages, fit.table.target, rows.block) if np.isfinite(
+                averages).all() else math.inf
         errors = {lag: error(lag) for lag in grid}
         # The lowest point of a parabola through the best lag and its neighbours, again and again.
         for _ in range(_PARABOLAS):
@@ -471,29 +452,6 @@ def _with_best_lag(fit: Fit) -> dict[str, Any]:
         if errors[lag] < (1.0 - least) * errors[0.0]:
             return {**fit.settings, 'lag': fit.lag + lag}
     return fit.settings
-
-
-def _with_best_motion(problem: Problem, fit: Fit) -> dict[str, Any]:
-    """Return the source and bandwidth of motion, and of signals, with which terms predict best."""
-    rows, now = fit.rows, dict(fit.settings)
-
-    def error(samples: Samples, motion: Any) -> float:
-        return _error(fit, _columns(fit, replace(rows, samples=samples, motion=motion)))
-
-    def error_with(**changed: np.ndarray) -> float:
-        return error(rows.samples.with_(**{
-            name: shifted_in_time(values, problem.raw, fit.lag) if fit.lag else values
-            for name, values in changed.items()}), rows.motion)
-    # A load that is part of the target has to stay as it is.
-    needed = {name for term in fit.terms for name in term.kind.needs if name in MEASURED}
-    signals = {} if rows.load_coefficient else choose_signals(
-        problem.raw, sorted(needed), error_with)
-    kept = {'lag': now['lag']} if fit.lag else {}
-    errors = [(error(problem.moved(choice), arm_motion(problem.raw, rows.joints, choice)), choice)
-              for choice in ({**choice, **kept, **signals} for choice in problem.choices)]
-    least, choice = min(errors, key=lambda entry: entry[0])
-    enough = (1.0 - thresholds.LEAST_SHARE) * error(rows.samples, rows.motion)
-    return choice if least < enough else fit.settings
 
 
 def refit(fit: Fit, terms: Sequence[Term]) -> Fit:
