@@ -466,8 +466,6 @@ def in_unit(text: str, unit: str) -> str:
 
 # Errors beyond so many standard deviations are clipped.
 _OUTLYING = 8.0
-# Random signs of blocks, and the share of them with which chance may explain as much.
-_FLIPS, _FEW_FLIPS, _CHANCE = 1500, 50, 0.001
 # Ranges of each variable.
 _RANGES = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
            'load': 12, 'temperature': 10}
@@ -485,14 +483,16 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
     limit = _OUTLYING * float(robust_std(residual)) + 1e-300
     values = np.clip(residual, -limit, limit)
     values = values - values.mean()
-    power = float(values @ values)
-    found: list[Dependence] = []
+    power, found = float(values @ values), []
     cells = _cells(samples, slowest) if power > 0.0 else {}
     while cells:
         block = _blocks(values)
-        gain, name = max((gain_by(values, cell, block), name) for name, cell in cells.items())
-        if gain < thresholds.LEAST_STRENGTH * power:
+        errors = {name: np.bincount(block, (values - _of_other_blocks(values, cell, block)) ** 2)
+                  for name, cell in cells.items()}
+        name, left = min(errors.items(), key=lambda entry: float(entry[1].sum()))
+        if not is_better(np.bincount(block, values ** 2), left, thresholds.LEAST_STRENGTH):
             break
+        gain = float(values @ values - left.sum())
         found.append(Dependence(
             name, gain / power, f'about {math.sqrt(gain / len(values)):.2g} A RMS of the remaining '
             f'error depend on {name}, in a way that no effect of the package describes'))
@@ -501,26 +501,13 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
     return sorted(found, key=lambda item: -item.strength)
 
 
-def gain_by(values: np.ndarray, cells: np.ndarray, block: np.ndarray) -> float:
-    """Return by how much the means of cells lower the sum of squares; 0 if it may be chance.
-
-    `cells` and `block`, shape (N,), are the indices of each value's cell and block. Blocks are
-    longer than the correlation, so that without a dependence their signs are independent: what each
-    shares with others counts, if it is more than with (nearly) any random signs.
-    """
+def _of_other_blocks(values: np.ndarray, cells: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """Return the mean of each value's cell in all other blocks, shape (N,)."""
     count, parts = int(cells.max()) + 1, int(block.max()) + 1
-    total = np.bincount(block * count + cells, values, count * parts).reshape(parts, count)
-    shared = total / np.maximum(np.bincount(cells, minlength=count), 1) @ total.T
-    by_chance, power = float(np.trace(shared)), float(values @ values)
-    np.fill_diagonal(shared, 0.0)
-    gain = float(shared.sum())
-    # What is due to chance shows in a few flips.
-    for flips in (_FEW_FLIPS, _FLIPS):
-        signs = np.random.default_rng(0).integers(0, 2, (flips, parts)) * 2.0 - 1.0
-        if np.sum(np.sum((signs @ shared) * signs, axis=1) >= gain) > _CHANCE * _FLIPS:
-            return 0.0
-    # A strong dependence is in the flipped sums, too.
-    return gain / max(1.0 - by_chance / power, 0.001)
+    total, number = (np.bincount(block * count + cells, weights, count * parts).reshape(
+        parts, count) for weights in (values, np.ones_like(values)))
+    mean = (total.sum(axis=0) - total) / np.maximum(number.sum(axis=0) - number, 1.0)
+    return np.asarray(mean[block, cells])
 
 
 def _cells(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
