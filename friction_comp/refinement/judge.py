@@ -155,32 +155,19 @@ def friction_shows(fit: Fit) -> bool:
         table.sums.errors_by_size(rest), table.errors(fit.terms))
 
 
-def other_recordings(fit: Fit) -> tuple[float, str]:
-    """Return the error of each recording by a fit to the others, A, and what differs; 0 if alone.
-
-    A recording on its own says nothing of motion that it does not have: what it leaves open is
-    taken from all.
-    """
+def other_recordings(fit: Fit) -> float:
+    """Return the error of each recording by a fit to the others, A; 0 if alone."""
     rows, table = fit.rows, fit.table
     number = np.unique(rows.samples.recording[rows.start], return_inverse=True)[1]
-    if number.max() == 0:
-        return 0.0, ''
     columns = table.indices(fit.terms, derivatives=False)
     sums = BlockSums.over(np.vstack((table.columns[columns], table.target)), number,
                           table.sums.signs[columns])
-    every, count = range(len(columns)), int(number.max()) + 1
-    error = math.sqrt(float(sums.held_out_errors(every).sum()) / len(number))
-    alone = sums.fits(every, np.eye(count) + 0.01)
-    names = ['the offset', 'Coulomb friction', 'viscous friction', *(
-        term.kind.name.replace('_', ' ') for term in fit.terms
-        for _ in table.columns_of[term])]
-    most = int(np.argmax(np.ptp(alone, axis=0) * sums.norms))
-    return error, (f'{names[most]}, {alone[:, most].min():.3g} to {alone[:, most].max():.3g} in '
-                   'fits to each')
+    return 0.0 if number.max() == 0 else math.sqrt(
+        float(sums.held_out_errors(range(len(columns))).sum()) / len(number))
 
 
 def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Dependence],
-             questions: Sequence[Question], between: tuple[float, str], left_out: float
+             questions: Sequence[Question], between: float, left_out: float
              ) -> Iterator[Finding]:
     """Yield all findings on a model but those on its numbers.
 
@@ -207,13 +194,11 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
             f'fitted, of {constant:.2g} A beside a constant: the current depends on something that '
             'is not in the recording.', grade,
             'record what loads the joint (torque sensor, other joints), or move it without load')
-    error, differs = between
-    if error > thresholds.GROWTH * held_out:
+    if between > thresholds.GROWTH * held_out:
         yield Finding(
             'recordings_differ', 'The recordings differ: each is predicted by a fit to the others '
-            f'with {error / held_out:.2g} times the error. What differs most is {differs}.',
-            IN_PART, 'refine each recording alone (--each), or record what differs (temperature, '
-            'load, unit)')
+            f'with {between / held_out:.2g} times the error.', IN_PART, 'refine each recording '
+            'alone (--each compares them), or record what differs (temperature, load, unit)')
     if left_out > thresholds.GROWTH * after.fit_rmse:
         yield Finding(
             'extrapolates', 'Motion that was not fitted is predicted with '

@@ -215,7 +215,7 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
                        *(effect.name for effect in effects)])
     sizes = fit.rmse(fit.terms)
     errors = judge.errors_of(rows, refined, name, max(
-        between[0], judge.error_by_steps(raw, refined, rows.usable),
+        between, judge.error_by_steps(raw, refined, rows.usable),
         0.0 if kept else float(sizes.max())))
     notes = _notes(problem, refined)
     verdict = verdict_of([
