@@ -233,10 +233,12 @@ class Problem:
         """
         return self.moved(self.smooth)
 
-    def smooth_rows(self, unusable: np.ndarray) -> np.ndarray:
+    @functools.cached_property
+    def smooth_rows(self) -> np.ndarray:
         """Return the indices of (some of) the samples in motion, where smooth velocity is right."""
         moved = self.smoothed
-        usable = in_motion(moved, unusable, standstill_speed(moved), self.smooth['bandwidth'])
+        usable = in_motion(
+            moved, self.unusable, standstill_speed(moved), self.smooth['bandwidth'])
         speed = np.abs(np.asarray(moved.velocity))
         fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
         # A smooth velocity is wrong where friction changes its sign.
@@ -245,38 +247,14 @@ class Problem:
 
     @functools.cached_property
     def clipped(self) -> np.ndarray:
-        """Which samples are at a limit of the current, beyond which it would be, bool, (N,).
-
-        A current that is cut off is larger than recorded; one that a step of a command holds is
-        what it says. A plain drive, fitted to what is not near a limit, tells them apart at each
-        end: it predicts a current that is cut off beyond the limit, by more than its error.
-        """
-        at_limit, current = clipped(self.raw.current), self.raw.current
-        if not at_limit.any():
-            return at_limit
-        moved, start = self.smoothed, self.smooth_rows(self._near(at_limit))
-        speed = np.abs(np.asarray(moved.velocity))
-        every = plain_columns(
-            moved, (np.percentile(speed[start], 95) * np.array(TRANSITIONS)).tolist())
-        sums = BlockSums.over(np.vstack((every[start].T, current[start])), regimes_in(moved, start))
-        inner = range(every.shape[1])
-        error = math.sqrt(float(sums.held_out_errors(inner).sum()) / len(start))
-        excess = every @ sums.fit(inner) - current
-        for side in (1.0, -1.0):
-            end = at_limit & (side * (current - np.median(current)) > 0.0)
-            there = end & (speed > standstill_speed(moved))
-            if there.any() and float(np.median(side * excess[there])) < error:
-                at_limit = at_limit & ~end
-        return at_limit
-
-    def _near(self, at_limit: np.ndarray) -> np.ndarray:
-        # Beside a limit, samples are below it if their noise is: a fit to these would be bent.
-        return widened(at_limit, round(thresholds.NEAR_LIMIT / self.raw.sample_time))
+        """Which samples are at a limit of the current, beyond which it would be, bool, (N,)."""
+        return clipped(self.raw.current)
 
     @functools.cached_property
     def unusable(self) -> np.ndarray:
         """Which samples are at or beside a limit of the current, bool, (N,)."""
-        return self._near(self.clipped)
+        # Beside a limit, samples are below it if their noise is: a fit to these would be bent.
+        return widened(self.clipped, round(thresholds.NEAR_LIMIT / self.raw.sample_time))
 
     @functools.cached_property
     def joints(self) -> tuple[str, ...]:
@@ -309,7 +287,7 @@ class Problem:
         """
         if not self.declared or self.raw.load is None or not np.any(self.raw.load):
             return 0.0
-        mechanics, start = -1.0 / self.drive.torque_per_current, self.smooth_rows(self.unusable)
+        mechanics, start = -1.0 / self.drive.torque_per_current, self.smooth_rows
         part = self.smoothed.take(start)
         # Whether a load moves the joint is no question of other motion: parts of time.
         block = np.arange(len(start)) * int(thresholds.REGIMES) // len(start)
@@ -352,7 +330,7 @@ class Problem:
     @functools.cached_property
     def plain_settings(self) -> dict[str, Any]:
         """The settings with which a plain drive predicts other regimes best."""
-        start = self.smooth_rows(self.unusable)
+        start = self.smooth_rows
         block, target = regimes_in(self.smoothed, start), self.target[start]
         carried = {'load': None} if self.load_coefficient else {}
 
