@@ -36,7 +36,7 @@ from friction_comp.refinement.result import (
 )
 from friction_comp.refinement.search import Fit, is_better
 from friction_comp.samples import Samples
-from friction_comp.statistics import rms, robust_std, smallest_step
+from friction_comp.statistics import rms, robust_std
 
 # Every so many samples show whether joints move as one, and the share of the variance of a joint's
 # position that then follows from the others.
@@ -72,20 +72,6 @@ def errors_of(rows: Rows, predicted: Predicted, name: str, least: float = 0.0) -
         standstill_rmse=rms(still) if still.size else None,
         elsewhere_rmse=max(math.sqrt(rms(held_out) ** 2 + extra), elsewhere),
         elsewhere_motion_rmse=elsewhere)
-
-
-def error_by_steps(raw: Samples, refined: Predicted, usable: np.ndarray) -> float:
-    """Return the error in motion at changing speed by the steps of the recorded velocity, A.
-
-    At constant speeds, a velocity in whole counts does not change. The rate of any other jumps by
-    its steps, as it does if the recorded one is moved at random by up to half a step.
-    """
-    if refined.model.settings.get('source') != 'velocity' or raw.velocity is None:
-        return 0.0
-    moved = smallest_step(raw.velocity) * (np.random.default_rng(0).random(len(raw)) - 0.5)
-    change = refined.model.predict(raw.with_(velocity=raw.velocity + moved)
-                                   ) - refined.model.predict(raw)
-    return math.hypot(rms(change[usable]), rms(refined.held_out[usable]))
 
 
 def noise_floor(rows: Rows, residual: np.ndarray) -> float:

@@ -215,8 +215,7 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
                        *(effect.name for effect in effects)])
     sizes = fit.rmse(fit.terms)
     errors = judge.errors_of(rows, refined, name, max(
-        between, judge.error_by_steps(raw, refined, rows.usable),
-        0.0 if kept else float(sizes.max())))
+        between, 0.0 if kept else float(sizes.max())))
     notes = _notes(problem, refined)
     verdict = verdict_of([
         *judge.findings_on_numbers(friction, errors.held_out_rmse, float(np.abs(
