@@ -201,7 +201,8 @@ def staircase(seed):
     def samples(v):
         current = 0.57 * np.tanh(v / 0.02) + 0.52 * v + 0.12 * np.gradient(v, time)
         return Samples(time=time, position=np.cumsum(v) * 0.005,
-                       velocity=v + 0.01 * rng.normal(size=len(v)), current=current + 0.03 * rng.normal(size=len(v)))
+                       velocity=v + 0.01 * rng.normal(size=len(v)),
+                       current=current + 0.03 * rng.normal(size=len(v)))
     return samples(velocity), samples(sines)
 
 
