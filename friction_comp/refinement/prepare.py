@@ -48,10 +48,14 @@ TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
 _FAST, _SMOOTH_ROWS = 0.1, 12000
 
 
-def plain_columns(samples: Samples) -> np.ndarray:
-    """Return the columns of a plain drive: friction, inertia, weight and load."""
+def plain_columns(samples: Samples, transitions: Sequence[float] = ()) -> np.ndarray:
+    """Return the columns of a plain drive: friction, inertia, weight and load.
+
+    Friction changes its sign over `transitions`, rad/s, by default `TRANSITIONS` of the usual top
+    speed.
+    """
     v, q = np.asarray(samples.velocity), samples.position
-    transitions = np.percentile(np.abs(v), 95) * np.array(TRANSITIONS)
+    transitions = transitions or np.percentile(np.abs(v), 95) * np.array(TRANSITIONS)
     columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
                np.asarray(samples.acceleration), np.cos(q), np.sin(q)]
     if np.ptp(q) < 2.0:
@@ -540,11 +544,26 @@ def prepare(problem: Problem, settings: dict[str, Any]) -> Rows:
             'is; 1 for both gives friction in N·m')
         raise InputError('the current is zero throughout the motion: there is no friction to fit'
                          + why)
-    return Rows(
+    rows = Rows(
         samples=moved, target=target, usable=usable, clipped=problem.clipped,
         coverage=replace(coverage_of(moved, usable, slowest, samples), linear=problem.linear),
         start=start[order], length=length, block=block[order], load_coefficient=load,
         motion=motion, joints=joints, torque_per_current=problem.drive.torque_per_current)
+    return replace(rows, coverage=replace(rows.coverage, transition=choose_transition(rows)))
+
+
+def choose_transition(rows: Rows) -> float:
+    """Return the velocity in rad/s over which friction changes sign: tanh(v/transition)."""
+    speed = rows.coverage.speed
+    part, target = rows.samples.take(rows.start), rows.averaged(rows.target)
+    if rows.load_coefficient:
+        part = part.with_(load=None)
+    best = (math.inf, speed)
+    for width in np.geomspace(0.001, 0.25, 12) * speed:
+        error = held_out_error(plain_columns(part, [width]), target, rows.block)
+        if error < (1.0 - thresholds.EQUIVALENT) * best[0]:
+            best = (error, float(width))
+    return best[1]
 
 
 def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Samples) -> Coverage:

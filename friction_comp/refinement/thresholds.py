@@ -38,7 +38,7 @@ ONE_MOTION = Threshold(
     0.85, "of the speed's variance", 'told by place and direction: more is one motion, repeated')
 # Bandwidth and lag.
 EQUIVALENT = Threshold(
-    0.005, 'of the error', 'less is ignored: the wider bandwidth is used')
+    0.005, 'of the error', 'less is ignored: the wider bandwidth or sharper transition is used')
 ENCODER_STEPS = Threshold(
     2.0, 'times the acceleration', 'that steps of the encoder may make of it: a wider bandwidth '
     'shows these more than the motion, and what a controller makes of them')
