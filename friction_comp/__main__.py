@@ -37,7 +37,7 @@ TOOLS = {
     'export': "writes a model's friction for MuJoCo, URDF or SDF, or as a table",
     'excite': 'plans a motion within limits that distinguishes effects (JointTrajectory)',
     'teach': 'makes an exercise of a recorded movement that a person guided',
-    'play': 'moves joints along a trajectory, with currents or a trajectory controller',
+    'play': 'moves joints along a trajectory, with motor currents',
     'predict': 'writes measured and predicted current of a recording',
 }
 # Where tools stand that have no module of their own.

@@ -7,8 +7,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, ExitStack, suppress
-from dataclasses import replace
-import importlib
 import math
 import os
 import sys
@@ -47,12 +45,11 @@ _AGAIN, _LONGEST_GOAL, _LOOK = 0.2, 3600.0, 0.05
 _DOCTOR = 'friction_comp_doctor'
 
 
-def message_of(trajectory: Trajectory, later: float = 0.0) -> Any:
-    """Return a trajectory as a message, delayed by `later` s."""
+def message_of(trajectory: Trajectory) -> Any:
+    """Return a trajectory as a message."""
     message = JointTrajectory(joint_names=list(trajectory.joints))
-    moved = replace(trajectory, time=trajectory.time + later)
     for (sec, nanosec), position, velocity, acceleration in zip(
-            moved.stamps(), moved.position, moved.velocity, moved.acceleration):
+            trajectory.stamps(), trajectory.position, trajectory.velocity, trajectory.acceleration):
         message.points.append(JointTrajectoryPoint(
             positions=position.tolist(), velocities=velocity.tolist(),
             accelerations=acceleration.tolist(),
@@ -186,34 +183,6 @@ class ToolClient:
             PlayTrajectory, 'play_trajectory',
             PlayTrajectory.Goal(trajectory=message_of(trajectory)),
             lambda feedback: report(feedback.progress, feedback.phase), 'identification')
-
-    def play_on(self, controller: str, trajectory: Trajectory,
-                report: Callable[[float, str], None]) -> None:
-        """Move joints as `play` does, by a robot's trajectory controller, after a slow approach.
-
-        `controller` is its name, without ``/follow_joint_trajectory``.
-        """
-        try:
-            kind = importlib.import_module('control_msgs.action').FollowJointTrajectory
-        except ModuleNotFoundError:
-            raise InputError('the action of trajectory controllers is missing: install '
-                             'ros-jazzy-control-msgs') from None
-        joints, places = trajectory.joints, dict[str, float]()
-        with self.subscribed(JointState, 'joint_states', lambda message: places.update(
-                zip(message.name, message.position))):
-            self.wait_until(lambda: set(joints) <= set(places),
-                            f'joint_states of {", ".join(joints)}')
-        distance = np.abs(trajectory.position[0] - [places[joint] for joint in joints]).max()
-        # At 0.3 of the trajectory's speed.
-        later = max(2.0, 1.875 * distance / (0.3 * np.abs(trajectory.velocity).max()))
-        end = later + trajectory.time[-1]
-
-        def report_feedback(feedback: Any) -> None:
-            at = feedback.desired.time_from_start
-            report((at.sec + 1e-9 * at.nanosec) / end, 'trajectory')
-        self.send_goal(
-            kind, f'{controller}/follow_joint_trajectory',
-            kind.Goal(trajectory=message_of(trajectory, later)), report_feedback, controller)
 
     def send_goal(self, kind: Any, name: str, goal: Any, report: Callable[[Any], None],
                   what: str) -> Any:

@@ -126,16 +126,12 @@ def _model(arguments: Namespace, limits: list[JointLimits]) -> FrictionModel | N
 def play(argv: list[str] | None = None) -> int:
     """Moves joints along a trajectory, such as one that `excite` planned.
 
-    Without --controller the node `identification` moves the joints, one after another, by motor
-    currents and under its supervision. With it, a robot's own trajectory controller moves all.
+    The node `identification` moves them, one after another, by motor currents and under its
+    supervision.
     """
-    parser = Arguments(play, (
-        'output/excite/trajectory.yaml',
-        'output/excite/trajectory.yaml --controller joint_trajectory_controller'))
+    parser = Arguments(play, ('output/excite/trajectory.yaml',))
     parser.add_argument('trajectory', metavar='FILE', type=Path,
                         help='trajectory_msgs/JointTrajectory as YAML')
-    parser.add_argument('--controller', metavar='NAME',
-                        help='trajectory controller with the action NAME/follow_joint_trajectory')
     arguments = parser.parse(argv)
     from friction_comp.trajectory import Trajectory
 
@@ -143,13 +139,9 @@ def play(argv: list[str] | None = None) -> int:
     from friction_comp.ros.tool_client import ToolClient
 
     with ToolClient(patience=20.0) as ros, progress('playing') as show:
-        if arguments.controller:
-            ros.play_on(arguments.controller, trajectory,
-                        lambda share, phase: show(share, f'playing: {phase}'))
-        else:
-            for index, joint in enumerate(trajectory.joints):
-                def report(share: float, phase: str, k: int = index, name: str = joint) -> None:
-                    show((k + share) / len(trajectory.joints), f'{name}: {phase}')
-                ros.play(trajectory.of(joint), report)
+        for index, joint in enumerate(trajectory.joints):
+            def report(share: float, phase: str, k: int = index, name: str = joint) -> None:
+                show((k + share) / len(trajectory.joints), f'{name}: {phase}')
+            ros.play(trajectory.of(joint), report)
     print(f'played {arguments.trajectory}: {", ".join(trajectory.joints)}')
     return 0
