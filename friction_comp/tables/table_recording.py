@@ -15,7 +15,7 @@ from friction_comp.facts.motion import at_times, not_in_radians, whole_numbers
 from friction_comp.facts.recorded import checked, not_in_seconds, usable
 from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.statistics import gap_length
-from friction_comp.tables.columns import assign, Assignment, Column, Layout, STATES, unit_to_give
+from friction_comp.tables.columns import assign, Assignment, Layout, STATES, unit_to_give
 from friction_comp.tables.table_files import Columns, is_table, parts_of, Table
 
 _SIGNALS = ('position', 'velocity', 'effort', 'command', 'direction', 'load', 'temperature',
@@ -99,8 +99,9 @@ class TableRecording:
         signals: dict[str, Any] = {name: own for name in _SIGNALS
                                    if (own := self._of(name, joint)) is not None}
         if layout.stiffness and 'effort' not in signals:
-            velocity = signals['velocity'] if 'velocity' in signals else _rate(
-                self._time, signals['position'])
+            with np.errstate(divide='ignore', invalid='ignore'):
+                velocity = signals['velocity'] if 'velocity' in signals else np.gradient(
+                    signals['position'], self._time) if len(self._time) > 1 else 0.0
             follows = 'reference_velocity' in signals
             signals['effort'] = layout.stiffness * (
                 signals['reference_position'] - signals['position']) - (layout.damping or 0.0) * (
@@ -134,8 +135,10 @@ class TableRecording:
         if not size:
             raise InputError(f'{self.path}: has no row below its header')
         time = np.arange(size) / layout.rate if layout.rate else _times(use, columns, self.path)
-        for column in list(use.columns):
-            if fault := _unit_fault(column, columns[column.name]):
+        # What tells that values without a unit are not in SI units.
+        for column in [one for one in use.columns if one.signal in STATES and not one.stated]:
+            fault_of = not_in_radians if column.signal == 'position' else whole_numbers
+            if fault := fault_of(columns[column.name]):
                 said = (f'column {column.name!r} {fault}: give its unit, '
                         f'--unit {unit_to_give(column.signal)}')
                 if column.signal != 'velocity':
@@ -156,15 +159,6 @@ class TableRecording:
                  for signal in units}
         return tuple(f'{names[0]}{" and alike" * (len(names) > 1)} in {units[signal]}'
                      for signal, names in found.items() if names)
-
-
-def _rate(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the derivative of the finite values, shape (N,)."""
-    knots, first = np.unique(time[np.isfinite(time + values)], return_index=True)
-    if len(knots) < 3:
-        return np.zeros(len(time))
-    own = values[np.isfinite(time + values)][first]
-    return np.asarray(np.interp(time, knots, np.gradient(own, knots)))
 
 
 def _load(effort: np.ndarray, link_torque: np.ndarray, is_torque: bool, notes: list[str]
@@ -197,13 +191,6 @@ def _times(use: Assignment, columns: Columns, where: object) -> np.ndarray:
     if fault := not_in_seconds(values, column.factor, column.stated):
         raise InputError(f'{where}: column {column.name!r} {fault}')
     return column.factor * columns[column.name]
-
-
-def _unit_fault(column: Column, values: np.ndarray) -> str:
-    """Return what tells that values without a unit are not in SI units; '' if nothing does."""
-    if column.stated or column.signal not in STATES:
-        return ''
-    return not_in_radians(values) if column.signal == 'position' else whole_numbers(values)
 
 
 def _in_order(columns: Columns, time: np.ndarray, notes: list[str]) -> tuple[Columns, np.ndarray]:
