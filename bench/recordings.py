@@ -23,6 +23,7 @@ from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.recordings.reader import read_recording_with_info
+from friction_comp.recordings.scan import Scan
 
 RATE = 1000
 
@@ -67,7 +68,7 @@ def record(folder, seconds, joints):
     cpu = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     (_, info), = read_recording_with_info(folder / 'load', 'joint_0')
     yield 'published of each', round(seconds * RATE)
-    yield 'recorded', {name[1:]: count for name, (_, count) in info.topics.items()}
+    yield 'recorded', dict(Scan(folder / 'load').counts)
     yield 'recorder says', next((n for n in info.notes if 'lost' in n), 'none lost')
     yield 'recorder user CPU / time', f'{cpu / seconds:.2f}'
 

@@ -252,8 +252,6 @@ class RecordingInfo:
 
     path: Path
     joint: str = ''  # the joint that was read
-    # Topic name to (message type, number of messages); empty for a table.
-    topics: dict[str, tuple[str, int]] = field(default_factory=dict)
     start: float = 0.0  # stamp of the samples' time zero, s
     # (M,): times of all joint states in s since `start`, in the order received.
     stamps: np.ndarray | None = None

@@ -67,6 +67,7 @@ def test_an_effort_may_be_in_units_that_stay_as_they_are(unit):
 UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual_current')
                      for k in (0, 1)), 'target_moment_0', 'actual_robot_current']
 READ = [f'{what}_{k}' for what in ('pos_read', 'curr') for k in (1, 2)]
+BOTH = ['t', *(f'{what}{k}' for what in ('Position', 'Torque', 'Cur') for k in (1, 2))]
 
 
 @pytest.mark.parametrize(('names', 'layout', 'joints', 'chosen', 'used'), [
@@ -78,6 +79,9 @@ READ = [f'{what}_{k}' for what in ('pos_read', 'curr') for k in (1, 2)]
      ['7', '8'], '8', {('effort', '7'): 'y7'}),
     (READ, Layout({'position': 'pos_read_2', 'effort': 'curr_2'}, rate=1.0), ['1', '2'], '2',
      {('effort', '1'): 'curr_1'}),
+    # The current of one joint, beside torques, is named for all.
+    *((BOTH, Layout({signal: 'Cur2'}), ['1', '2'], '2', {
+        ('effort', '1'): 'Cur1', ('effort', '2'): 'Cur2'}) for signal in ('current', 'effort')),
     # The user may name the joint; alone, it needs no name.
     (UR, Layout({'position': 'actual_q_1', 'current': 'actual_current_1'}, joint='elbow'),
      ['0', 'elbow'], 'elbow', {}),

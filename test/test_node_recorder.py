@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.recordings.reader import find_recordings, read_recording_with_info
+from friction_comp.recordings.scan import Scan
 from friction_comp.ros import dated_topics
 
 
@@ -116,7 +117,7 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
     np.testing.assert_array_equal(samples.current, np.arange(float(count)))
     assert (samples.direction[10:] == 1).all()
     # Best-effort messages may be lost on a busy machine, but losses are reported.
-    if info.topics['/current_command'][1] != commands:
+    if Scan(folder).counts['/current_command'] != commands:
         assert any('lost' in note and 'current_command' in note for note in info.notes)
     assert not any('lost' in note and 'joint_states' in note for note in info.notes)
 
@@ -153,7 +154,7 @@ def test_a_bad_message_does_not_affect_others_and_the_end_loses_none(tmp_path):
     assert samples.current[-1] > wanted
     np.testing.assert_array_equal(np.diff(samples.current), 1.0)
     assert samples.command[-1] == 0.25
-    assert info.topics['/joint_states'][1] == len(samples) + 5
+    assert Scan(folder).counts['/joint_states'] == len(samples) + 5
 
 
 def test_a_full_disk_ends_the_recorder_with_a_message_and_a_readable_recording(tmp_path):

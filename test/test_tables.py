@@ -411,18 +411,6 @@ def test_joints_of_one_table_are_told_apart(tmp_path):
         np.testing.assert_allclose(samples.current, 0.5 * np.sign(velocity))
 
 
-def test_the_current_of_a_table_that_also_has_torques_is_named_for_all_joints(tmp_path):
-    time, position, velocity = swing(500)
-    path = write(tmp_path / 'log.csv', Time=time, Position1=position, Position2=2.0 * position,
-                 Torque1=velocity, Torque2=velocity, Cur1=3.0 * velocity, Cur2=2.0 * velocity)
-    for layout in (Layout(columns={'position': 'Position2', 'current': 'Cur2'}),
-                   Layout(columns={'current': 'Cur2'}), Layout(columns={'effort': 'Cur2'})):
-        for joint, size in (('2', 2.0), ('1', 3.0)):
-            samples, info = read_recording_with_info(path, joint=joint, layout=layout)[0]
-            assert info.effort_is_current
-            assert np.ptp(samples.current) == pytest.approx(size * np.ptp(velocity))
-
-
 @pytest.mark.parametrize('follows', [False, True])
 def test_the_effort_of_a_position_controller_follows_from_its_gains(tmp_path, follows):
     time, position, velocity = swing(300)

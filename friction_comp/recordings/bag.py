@@ -77,11 +77,11 @@ class Bag(Scan):
         """
         joints, wanted = self._joints, TOPICS['joint_states']
         if not joints:
-            own = ', '.join(topic for topic, (kind, _) in self.topics.items() if kind == wanted)
+            own = ', '.join(topic for topic, kind in self.kinds.items() if kind == wanted)
             raise InputError(f'{self.path}: no joint_states of type {wanted} in it, or no joint in '
                              'them ' + (f'(of that type are {own}: name one, with its joint, as '
                                         '--joint /TOPIC/NAME)' if own else
-                                        f'(topics: {", ".join(self.topics) or "none"})'))
+                                        f'(topics: {", ".join(self.kinds) or "none"})'))
         # A single joint may have no name in the recording; any may be named with its topic.
         if [*joints] == ['']:
             return joints['']
@@ -107,7 +107,7 @@ class Bag(Scan):
         # The active model: that in the metadata, else the one reported last.
         models = [report.model for report in self.activity if report.model]
         info = RecordingInfo(
-            self.path, joint, self.topics, notes=list(self.notes), linear=self.linear,
+            self.path, joint, notes=list(self.notes), linear=self.linear,
             model=self.custom.get('model_file') or (models[-1] if models else None),
             effort_is_current=self.in_ampere)
         stamp = track.stamp

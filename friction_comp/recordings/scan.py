@@ -388,14 +388,15 @@ class Scan:
     """
 
     def __init__(self, path: Path, joint: str | None = None, first: float = math.inf) -> None:
-        self.path, self._joint, self._kinds = path, joint or '', dict[str, str]()
+        self.path, self._joint = path, joint or ''
+        self.kinds = dict[str, str]()   # message type of each topic
         self.notes, self.activity = list[str](), list[Activity]()
         self.counts = Counter[str]()    # messages of each topic
         self.custom: dict[str, str] = {}    # custom_data of rosbag2's metadata
         readers = dict[str, _Reader]()
         with os_errors_name(path, 'cannot be read: '), closing(self._messages()) as messages:
             for topic, receive, raw in messages:
-                if self._kinds[topic] == _DIAGNOSTICS:
+                if self.kinds[topic] == _DIAGNOSTICS:
                     # A broken message may raise anything.
                     with suppress(Exception):
                         _take_report(self.activity, receive, unpack(raw))
@@ -410,8 +411,6 @@ class Scan:
                 if reader.count >= first and reader.signal in ('joint_states', _DYNAMIC):
                     break
         self.tracks = [track for reader in readers.values() if (track := reader.track())]
-        # Message type and number of messages of each topic.
-        self.topics = {topic: (kind, self.counts[topic]) for topic, kind in self._kinds.items()}
         self.notes += [f'{reader.broken} of the messages of {reader.topic} left out: broken, or '
                        f'more than {_MOST_NAMES} joints' for reader in readers.values()
                        if reader.broken]
@@ -426,7 +425,7 @@ class Scan:
 
     def wants(self, topic: str, kind: str, encoding: str) -> bool:
         """Take note of a topic, and return whether its messages are read."""
-        self._kinds.setdefault(topic, kind)
+        self.kinds.setdefault(topic, kind)
         wanted = kind == _DIAGNOSTICS or bool(self._signal(topic))
         if wanted and encoding not in ('cdr', ''):
             raise ValueError(f'{topic} is not serialised as CDR')
@@ -434,7 +433,7 @@ class Scan:
 
     def _signal(self, topic: str) -> str:
         """Return a topic's signal, '' for none: by type and ending, or by the joint's name."""
-        kind = self._kinds[topic]
+        kind = self.kinds[topic]
         named = kind == TOPICS['joint_states'] and self._joint.startswith(f'{topic}/')
         return next((signal for signal, wanted in _TYPES.items()
                      if kind == wanted and topic.endswith(signal)), 'joint_states' * named)
