@@ -150,7 +150,7 @@ def test_a_bad_message_does_not_affect_others_and_the_end_loses_none(tmp_path):
             count += 1
             probe.spin_for(2e-4)
         assert recorder.wait() == 0, recorder.text
-    (samples, info), = read_recording_with_info(folder)
+    (samples, _), = read_recording_with_info(folder)
     assert samples.current[-1] > wanted
     np.testing.assert_array_equal(np.diff(samples.current), 1.0)
     assert samples.command[-1] == 0.25
