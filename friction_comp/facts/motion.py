@@ -141,10 +141,9 @@ def not_in_radians(position: np.ndarray, seconds: float = math.inf) -> str:
         return ''
     if fault := whole_numbers(position):
         return fault
-    size = np.abs(np.diff(position))
     for unit, turn in _TURNS.items():
-        around = np.ptp(position) <= 1.001 * turn and size.max() > 0.9 * turn
-        if around and np.quantile(size, 0.9) < _SLOW * turn:
+        if np.ptp(position) <= 1.001 * turn and turns_of(
+                np.arange(len(position)), position, turn).any():
             return f'jumps by {turn:g}, as an angle in {unit} that wraps around'
     # Values that are not on the steps of a unit are 0.29 off them.
     if _distance(position, 2.0 * math.pi) < 0.2:

@@ -354,28 +354,23 @@ class Activity:
 
 def _take_report(changes: list[Activity], time: int, raw: bytes) -> None:
     """Add to the `changes` of activity what a DiagnosticArray says; `time` of receipt in ns."""
-    for _, name, _, hardware, values in _Cdr(raw).read(_FORMS[_DIAGNOSTICS])[2]:
-        last = changes[-1] if changes else None
-        activity = _activity_of(name, hardware, dict(values), time, last)
-        if activity and (last is None or replace(
-                activity, time=last.time, joints=last.joints) != last):
+    for _, name, _, hardware, entries in _Cdr(raw).read(_FORMS[_DIAGNOSTICS])[2]:
+        values, last = dict(entries), changes[-1] if changes else None
+        if 'identification' in name:
+            # The node reports a phase only while it moves a joint.
+            state = 'identification' if 'phase' in values else ''
+            if not state and (last is None or last.state != 'identification'):
+                continue
+            activity = Activity(time, state, '', '', hardware if state else '')
+        elif 'compensator' in f'{name} {hardware}':
+            # One file per joint is reported as a list: remove its brackets and quotes.
+            model = re.sub(r"""['"\[\]]""", '', values.get('model_files', ''))
+            activity = Activity(time, values.get('state', ''), values.get('law', ''), model,
+                                hardware, values.get('settings', ''))
+        else:
+            continue
+        if last is None or replace(activity, time=last.time, joints=last.joints) != last:
             changes.append(activity)
-
-
-def _activity_of(name: str, hardware: str, values: dict[str, str], time: int,
-                 last: Activity | None) -> Activity | None:
-    """Return what a status of a compensator or of identification says, else None."""
-    if 'identification' in name:
-        # The node reports a phase only while it moves a joint.
-        if 'phase' in values:
-            return Activity(time, 'identification', '', '', hardware)
-        return Activity(time, '', '', '') if last and last.state == 'identification' else None
-    if 'compensator' not in f'{name} {hardware}':
-        return None
-    # One file per joint is reported as a list: remove its brackets and quotes.
-    model = re.sub(r"""['"\[\]]""", '', values.get('model_files', ''))
-    return Activity(time, values.get('state', ''), values.get('law', ''), model, hardware,
-                    values.get('settings', ''))
 
 
 # A bag.

@@ -48,7 +48,6 @@ class RecordingWriter:
         self.custom_data = dict(custom_data or {})
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: dict[str, _Topic] = {}
-        self._schemas: dict[str, int] = {}
         self._first = self._last = 0    # times of all messages
         self._is_open = True
         self.message_count = 0
@@ -87,13 +86,10 @@ class RecordingWriter:
         if name not in self._topics:
             if type_name not in self._types.fielddefs:
                 raise InputError(f'{type_name}: not a message type of ROS 2 Jazzy')
-            if type_name not in self._schemas:
-                definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
-                self._schemas[type_name] = self._mcap.register_schema(
-                    type_name, 'ros2msg', definition.encode())
+            definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
+            schema = self._mcap.register_schema(type_name, 'ros2msg', definition.encode())
             self._topics[name] = _Topic(type_name, self._mcap.register_channel(
-                name, 'cdr', self._schemas[type_name],
-                {'offered_qos_profiles': to_yaml(_QOS).strip()}))
+                name, 'cdr', schema, {'offered_qos_profiles': to_yaml(_QOS).strip()}))
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
