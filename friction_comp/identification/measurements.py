@@ -473,5 +473,5 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
     distance, deviation = combined_presliding(ways, onward, resolution, backlash > 0.0)
     # Less than two counts cannot be resolved.
     presliding = None if distance <= 2.0 * resolution else Presliding(
-        distance, None, deviation, backlash or None)
+        distance, deviation, backlash or None)
     return RampEvaluation(held, presliding, warnings, backlash or None)

@@ -60,19 +60,15 @@ class Tree:
         parents = np.ascontiguousarray(self.parents, dtype=np.int64)
         object.__setattr__(self, 'parents', parents)
         turned = self.rotations @ self.rotations.transpose(0, 2, 1)
-        for right, words in (
-                (size > 0 and len(set(self.joints)) == size, 'joints must have different names'),
-                (len(self.kinds) == size and set(self.kinds) <= {'revolute', 'prismatic'},
-                 'joints must be revolute or prismatic'),
-                (parents.shape == (size,) and (parents < np.arange(size)).all()
-                 and (parents >= -1).all(), 'joints must be carried by earlier ones, or the base'),
-                (np.abs(turned - np.eye(3)).max(initial=0.0) < _ROUNDED
-                 and (np.linalg.det(self.rotations) > 0.0).all(),
-                 'rotations must be rotation matrices'),
-                (np.abs(np.linalg.norm(self.axes, axis=1) - 1.0).max(initial=0.0) < _ROUNDED,
-                 'axes must be unit vectors')):
-            if not right:
-                raise InputError(f'arm: {words}')
+        if not (size > 0 and len(set(self.joints)) == size == len(self.kinds)
+                and set(self.kinds) <= {'revolute', 'prismatic'}
+                and parents.shape == (size,) and (parents < np.arange(size)).all()
+                and (parents >= -1).all()):
+            raise InputError('arm: links must be revolute or prismatic joints of different names, '
+                             'each carried by an earlier one or the base')
+        if (np.abs(turned - np.eye(3)).max() > _ROUNDED or (np.linalg.det(self.rotations) < 0).any()
+                or np.abs(np.linalg.norm(self.axes, axis=1) - 1.0).max() > _ROUNDED):
+            raise InputError('arm: rotations must be rotation matrices, and axes unit vectors')
 
     @property
     def prismatic(self) -> np.ndarray:
@@ -123,10 +119,8 @@ class Tree:
             return cls(tuple(map(str, joints)), tuple(map(str, kinds)), parent, *arrays)
         except InputError:
             raise
-        except KeyError as error:
-            raise InputError(f'arm: {error.args[0]} is missing') from None
-        except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(f'arm: {error}') from None
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise InputError(f'arm: not the links of an arm: {error}') from None
 
 
 # Number of joints that each kind of group names besides those of its angles.

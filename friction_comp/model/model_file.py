@@ -87,7 +87,6 @@ class Presliding(Checked):
 
     # rad, from rest without load until friction is at 95 % of breakaway
     distance: float = stated(_POSITIVE)
-    stiffness: float | None = stated(_POSITIVE, None)   # A/rad, up to a third of breakaway
     std: float | None = stated(_POSITIVE, None)     # standard deviation between single rests, rad
     backlash: float | None = stated(_SIZE, None)    # rad, not part of distance; 0 if there is none
 
@@ -299,13 +298,6 @@ def _breakaway(value: Any, name: str) -> Breakaway:
             value.get(side), f'{name}.{side}', _OF_BREAKAWAY).items()}, name)
 
 
-def _position_limits(value: Any, name: str) -> tuple[float, float]:
-    low, high = check_interval(value, name)
-    if low == high:
-        raise InputError(f'{name} must be two different positions, not {value!r}')
-    return low, high
-
-
 def _lookup_table(value: Any, name: str) -> dict[str, Any]:
     table = mapping(dict.fromkeys(('speeds', 'currents', 'standard_deviations'),
                                   listed(number())))(value, name)
@@ -339,7 +331,7 @@ def _effect(entry: Any, _: str) -> Effect:
 _SECTIONS: dict[str, Reader] = {
     'joint': lambda value, _: str(value), 'drive': section(Drive), 'sigmoid': _sigmoid,
     'breakaway': _breakaway, 'presliding': section(Presliding),
-    'position_limits': _position_limits, 'uncertainty': number(least=0.0),
+    'position_limits': check_interval, 'uncertainty': number(least=0.0),
     'effects': lambda value, name: list(listed(_effect)(value, name)),
     'recorded': section(Recorded), 'lookup_table': _lookup_table, 'differentiation': settings_of,
     'simulation': check_mapping, 'notes': check_mapping, 'arm': _arm}

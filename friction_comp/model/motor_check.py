@@ -85,14 +85,10 @@ def _faults(model: FrictionModel) -> Iterator[str]:
     for side, sign, plateau in (('positive', 1.0, model.sigmoid.upper),
                                 ('negative', -1.0, -model.sigmoid.lower)) * bool(model.breakaway):
         mean = sign * getattr(model.breakaway, f'{side}_mean')
-        spread = getattr(model.breakaway, f'{side}_std')
         yield from _above_limit(model, mean, f'breakaway.{side}: {_said(model, mean)} is')
         if mean > _LARGEST_RATIO * resisting or mean < 0.2 * plateau:
             yield (f'breakaway.{side}: {_said(model, mean)} does not match sliding friction of '
                    f'{plateau:.3g} to {_said(model, resisting)}')
-        if spread > mean:
-            yield (f'breakaway.{side}: the standard deviation {_said(model, spread)} is more than '
-                   'the mean')
 
 
 def _said(model: FrictionModel, figure: float) -> str:
@@ -115,16 +111,9 @@ def _of_sigmoid(model: FrictionModel, top: float, current: np.ndarray) -> Iterat
     # A fit is never exact.
     if (np.maximum.accumulate(current) - current).max() > 0.1 * (current[-1] - current[0]):
         yield 'sigmoid: it falls with speed; use the effect stribeck for such friction'
-    largest, table = float(np.abs(current).max()), model.lookup_table or {}
+    largest = float(np.abs(current).max())
     yield from _above_limit(
         model, largest, f'sigmoid: {_said(model, largest)} at {top:.3g} rad/s is')
-    # Refinement fits another sigmoid to recordings and keeps the table.
-    if table.get('speeds') and not model.differentiation:
-        known = np.asarray(table['currents'], dtype=float)
-        miss = np.abs(model.sigmoid(table['speeds']) - known).max()
-        if miss > 0.5 * np.abs(known).max():
-            yield ('sigmoid: it misses the lookup_table, which it was fitted to, by '
-                   f'{_said(model, miss)}')
 
 
 def _of_effect(model: FrictionModel, effect: Effect, size: float, friction: float
