@@ -210,16 +210,6 @@ def ripple(rng, case):
         _order(rng, case), rng.uniform(0.2, 0.5), rng.uniform(0, 6.28)]]))
 
 
-def harmonic_family(rng, case):
-    order = min(_order(rng, case, 3.0), 30)
-    strength = rng.uniform(0.25, 0.45)
-    waves = np.array([[order * k, strength / k, rng.uniform(0, 6.28)] for k in (1, 2, 3)])
-    field = 'cogging' if rng.random() < 0.5 else 'ripple'
-    if field == 'cogging':
-        waves[:, 1] *= case.joint.coulomb
-    return with_(case, 'harmonic_family', 'position', **{field: waves})
-
-
 def bump(rng, case):
     return with_(case, 'bump', 'position', bump=case.joint.coulomb * rng.uniform(0.6, 1.5),
                  bump_at=case.half_range * rng.uniform(-0.5, 0.5),
@@ -230,11 +220,6 @@ def load(rng, case):
     constant = case.nominal[0] * case.nominal[1]
     case = with_(case, 'load', 'load', sensors={'load': True}, load_gain=-1.0 / constant)
     return replace(case, load_torque=constant * case.joint.coulomb * rng.uniform(0.5, 1.5))
-
-
-def torque_constant(rng, case):
-    case = load(rng, case)
-    return replace(case, nominal=(case.nominal[0] * rng.choice([0.8, 0.88, 1.14, 1.25]), 100.0))
 
 
 def load_friction(rng, case):
@@ -286,9 +271,8 @@ def rest(rng, case):
 
 
 SINGLE = {f.__name__: f for f in (
-    stribeck, asymmetry, viscous_shape, gravity, spring, cogging, ripple, harmonic_family, bump,
-    load, torque_constant, load_friction, load_friction_unsensed, temperature, warm_up, presliding,
-    lag, rest)}
+    stribeck, asymmetry, viscous_shape, gravity, spring, cogging, ripple, bump, load, load_friction,
+    load_friction_unsensed, temperature, warm_up, presliding, lag, rest)}
 
 
 # Other families.
@@ -344,13 +328,6 @@ def none(rng, case):
     return case
 
 
-def few_samples(rng, case):
-    """Five hundred samples of a drive with one effect that is easy to see."""
-    case = (gravity, bump, asymmetry)[rng.integers(3)](rng, case)
-    return replace(case, seconds=(6.0, 6.0), fit_sensors=replace(
-        case.fit_sensors, step=0.012, gaps=0, pieces=1))
-
-
 def coarse_encoder(rng, case):
     """Tens of distinct positions."""
     case = (gravity, spring, none)[rng.integers(3)](rng, case)
@@ -372,7 +349,7 @@ def hardly_varies(rng, case):
 
 def one_direction(rng, case):
     """Constant speeds one way only: offset and Coulomb friction are """
-    case = (none, stribeck, harmonic_family)[rng.integers(3)](rng, case)
+    case = (none, stribeck)[rng.integers(2)](rng, case)
     return replace(case, motions=('one_way', 'one_way'), warn=('direction', 'one way'))
 
 
@@ -400,17 +377,8 @@ def person_unseen(rng, case):
                    fit_sensors=replace(case.fit_sensors, load=False))
 
 
-def open_loop(rng, case):
-    """Current follows a plan of its own and motion is what comes of it."""
-    case = spring(rng, case)
-    soft = controller(rng, case.joint, limited=False)
-    return replace(case, open_loop=1.6 * case.joint.coulomb, controller=Controller(
-        derivative=0.1 * soft.derivative, quantum=2e-5, gravity=0.0),
-        motions=('slow_sine', 'multi_sine'))
-
-
 _PAIRS = ('gravity stribeck', 'gravity viscous_shape', 'spring cogging', 'ripple asymmetry',
-          'bump gravity', 'harmonic_family viscous_shape', 'load gravity', 'load bump',
+          'bump gravity', 'load gravity', 'load bump',
           'lag gravity', 'presliding gravity', 'temperature gravity', 'rest spring',
           'stribeck temperature', 'ripple lag', 'load_friction asymmetry')
 
@@ -422,8 +390,8 @@ def pair(rng, case):
 
 
 OUTSIDE = (product, wandering_spot, sensor_ceiling, backlash, friction_step)
-SPECIAL = (none, few_samples, coarse_encoder, hardly_varies, one_direction, person_leads,
-           person_unseen, open_loop, controller_as_friction)
+SPECIAL = (none, coarse_encoder, hardly_varies, one_direction, person_leads, person_unseen,
+           controller_as_friction)
 FAMILIES = {**SINGLE, **{f.__name__: f for f in (pair, *SPECIAL, *OUTSIDE)}}
 
 

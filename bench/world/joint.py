@@ -35,7 +35,6 @@ class Joint(NamedTuple):
     stribeck: float = 0.0  # share of Coulomb friction added at standstill
     stribeck_speed: float = 0.05
     asymmetry: float = 0.0  # share by which viscous friction is more one way and less the other
-    asymmetry_coulomb: float = 0.0
     power: float = 1.0  # exponent of viscous friction
     power_speed: float = 1.0  # the speed at which the exponent makes no difference
     gravity: float = 0.0
@@ -141,7 +140,7 @@ def dry(joint, state, t, q, v, load, heat, dt):
         grown = state[STICTION] + (1.0 - state[STICTION]) * dt / joint.rest_time
         state[STICTION] = grown * np.exp(-abs(moved) / 0.004)
         level += joint.rest * state[STICTION]
-    return strain * (level + joint.asymmetry_coulomb * strain)
+    return strain * level
 
 
 @njit(cache=True)
