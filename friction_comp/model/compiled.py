@@ -14,12 +14,11 @@ from typing import Any, NamedTuple
 from numba import njit
 import numpy as np
 
-from friction_comp.model.effects import Backlash, Hysteresis, RestTime
+from friction_comp.model.steps import backlash_step, dahl_step, rest_step
 
 # One function for all kinds: compiled code is kept for functions that it names, not for arguments.
 KINDS = ('hysteresis', 'backlash', 'rest_time')
-_dahl, _backlash, _rest = (
-    njit(cache=True)(kind.step) for kind in (Hysteresis, Backlash, RestTime))
+_dahl, _backlash, _rest = (njit(cache=True)(step) for step in (dahl_step, backlash_step, rest_step))
 
 
 class Memory(NamedTuple):

@@ -26,6 +26,7 @@ from friction_comp.model.effect import (
     too_coarse,
     turns_seldom,
 )
+from friction_comp.model.steps import backlash_step, dahl_step, rest_step
 
 
 def _speed_varied(coverage: Coverage) -> bool:
@@ -518,29 +519,9 @@ class Hysteresis(Effect):
                'reversal')
     equation = '{A:+.5g}·z {B:+.5g}·dz/dt'
     state_equation = 'dz/dq = (1 - z·sgn(v))^{exponent:.5g}/{distance:.5g}'
+    step = staticmethod(dahl_step)
     # At the start of a segment in motion, the reversal is complete.
     start = staticmethod(lambda sign, c: sign)
-
-    @staticmethod
-    def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-        """Return Dahl's state z after a step of position, solved exactly.
-
-        dz/dq = (1 - z·sgn(dq))^p / distance (Dahl 1968): p < 1 reverses within a finite distance.
-        """
-        if dq == 0.0:
-            return state
-        sign = 1.0 if dq > 0.0 else -1.0
-        # Remaining part of the reversal, 0..2.
-        remaining = 1.0 - sign * state
-        if remaining <= 0.0:
-            return sign
-        travel = abs(dq) / c.distance
-        if abs(c.exponent - 1.0) < 1e-6:
-            remaining *= math.exp(-travel)
-        else:
-            power = remaining ** (1.0 - c.exponent) - (1.0 - c.exponent) * travel
-            remaining = power ** (1.0 / (1.0 - c.exponent)) if power > 0.0 else 0.0
-        return sign * (1.0 - remaining)
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -577,6 +558,7 @@ class Backlash(Effect):
     equation = '{A:+.5g}·b'
     state_equation = ('b = sgn(u)·max(0, |u| - {gap:.5g}/2)/{distance:.5g}, where u moves with q '
                       'up to |b| = 1')
+    step = staticmethod(backlash_step)
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
@@ -585,12 +567,6 @@ class Backlash(Effect):
                 for gap in np.geomspace(min(10.0 * shortest, 0.02 * span), 0.25 * span, 6).tolist()
                 for share in (0.1, 0.7)]
     start = staticmethod(lambda sign, c: sign * (0.5 * c.gap + c.distance))
-
-    @staticmethod
-    def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-        """Return how far the joint is from the middle of its backlash, rad."""
-        reach = 0.5 * c.gap + c.distance
-        return min(reach, max(-reach, state + dq))
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -624,17 +600,8 @@ class RestTime(Effect):
     equation = '{A:+.5g}·tanh(v/{transition:.5g})·r'
     state_equation = ('r grows at rest to 1 - exp(-t/{time_constant:.5g}) and fades in motion with '
                       'exp(-|Δq|/{distance:.5g})')
+    step = staticmethod(rest_step)
     columns = staticmethod(lambda x, c: (x.sign * x.memory,))
-
-    @staticmethod
-    def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-        """Return the share of the friction gained at rest, 0..1, one sample later.
-
-        It grows with the time below the constant `velocity`, and fades over a distance of motion.
-        """
-        if abs(velocity) < c.velocity:
-            return 1.0 - (1.0 - state) * math.exp(-dt / c.time_constant)
-        return state * math.exp(-abs(dq) / c.distance)
 
 
 def _changed_friction(x: Signals, change: Any) -> tuple[Any, ...]:
