@@ -257,7 +257,7 @@ def read_frame(frame: Any, layout: Layout | None = None, torque_constant: float 
 
     Examples
     --------
-    >>> samples = read_frame({'t': [0, 1, 2], 'q [deg]': [0, 90, 180], 'i': [0.1, 0.2, 0.1]})
+    >>> samples = read_frame({'t': [0, 0.1, 0.2], 'q [deg]': [0, 90, 180], 'i': [0.1, 0.2, 0.1]})
     >>> samples.position.round(3).tolist()
     [0.0, 1.571, 3.142]
     """
