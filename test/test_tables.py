@@ -354,32 +354,25 @@ def test_a_converted_recording_keeps_its_date_and_the_joints_that_are_usable(tmp
     assert 'no finite effort' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(('names', 'factors', 'given', 'current'), [
+    ('t_ms q[deg] dq[deg/s] tau', (1e3, 360.0 / TURN, 360.0 / TURN, 1.0), {}, 1.0),
+    ('t q dq tau', (1e3, 4096.0 / TURN, 60.0 / TURN, 1e3), {'layout': Layout(units={
+        'time': 'ms', 'position': 'counts/4096', 'velocity': 'rpm', 'effort': 'mNm'})}, 1.0),
+    ('t q dq tau', (1.0,) * 4, {'torque_constant': 0.1, 'gear_ratio': 100}, 0.1),
+    # A current is not divided by the torque constant.
+    ('t q dq i', (1.0,) * 4, {'torque_constant': 0.1, 'gear_ratio': 100}, 1.0),
+    ('t q dq tau', (1.0,) * 4, {'torque_constant': 5.0, 'layout': Layout(
+        units={'effort': 'mA'})}, 1e-3)])
+def test_units_become_si(tmp_path, names, factors, given, current):
+    path = write_csv(tmp_path / 'log.csv', moving(), names, factors)
+    assert_alike(read_recording(path, **given)[0], moving(current=current * moving().current))
+
+
 def test_guessed_columns_and_assumed_units_are_reported(tmp_path):
-    path = write_csv(tmp_path / 'log.csv', moving(), names='t_ms q[deg] dq[deg/s] tau',
-                     factors=(1e3, 360.0 / TURN, 360.0 / TURN, 1.0))
-    (found, info), = read_recording_with_info(path)
-    assert_alike(found, moving())
-    said, = (note for note in info.notes if 'guessed' in note)
-    assert 'time=t_ms in ms' in said
-    assert 'position=q[deg] in deg' in said
-    assert info.assumed == ('tau in N·m',)
-
-
-def test_units_become_si(tmp_path):
-    units = {'time': 'ms', 'position': 'counts/4096', 'velocity': 'rpm', 'effort': 'mNm'}
-    path = write_csv(tmp_path / 'log.csv', moving(), factors=(
-        1e3, 4096.0 / TURN, 60.0 / TURN, 1e3))
-    assert_alike(read_recording(path, layout=Layout(units=units))[0], moving())
-
-
-def test_a_current_is_not_divided_by_the_torque_constant(tmp_path):
-    torque = write_csv(tmp_path / 'torque.csv', moving())
-    current = write_csv(tmp_path / 'current.csv', moving(), names='t q dq i')
-    assert_alike(read_recording(current, torque_constant=0.1, gear_ratio=100)[0], moving())
-    assert_alike(read_recording(torque, layout=Layout(units={'effort': 'mA'}), torque_constant=5.0)
-                 [0], moving(current=1e-3 * moving().current))
-    assert_alike(read_recording(torque, torque_constant=0.1, gear_ratio=100)[0],
-                 moving(current=0.1 * moving().current))
+    (_, info), = read_recording_with_info(write_csv(
+        tmp_path / 'log.csv', moving(), 't_ms q dq tau', (1e3, 1.0, 1.0, 1.0)))
+    assert any('guessed' in note and 'time=t_ms in ms' in note for note in info.notes)
+    assert info.assumed == ('q in rad', 'dq in rad/s', 'tau in N·m')
 
 
 def test_a_percentage_stays_one(tmp_path):
