@@ -25,7 +25,6 @@ from friction_comp.refinement import refine
 from friction_comp.refinement.reversals import friction_at_rest
 from friction_comp.reports.refinement_page import friction_rows
 from friction_comp.samples import Samples
-from friction_comp.terminal import in_own_units
 from friction_comp.tools.export import simulator_joint
 
 TRUTH = {'coulomb': 0.5, 'viscous': 0.15, 'offset': 0.04, 'inertia': 0.023}
@@ -173,15 +172,6 @@ def test_breakaway_that_holds_a_weight_is_no_friction():
     assert row.value == '2.94 N·m'
     assert numbers.breakaway['friction'] + numbers.breakaway['held'] == pytest.approx(4.69)
     assert simulator_joint(held, 'isaac').static == pytest.approx(2.94)
-
-
-def test_a_mass_is_in_kg():
-    axis = replace(PLAIN, drive=Drive(62.0, 1.0), notes={'unit': 'A', 'position_unit': 'm'},
-                   effects=[EFFECTS['inertia']({'coefficients': [9.0 / 62.0]})])
-    mass = in_own_units(friction_rows(friction_of(axis))[-1].remark, axis.is_linear)
-    assert mass.endswith('9.00 kg, of the motor with all links that moved')
-    force = replace(axis, drive=Drive(1.0, 1.0), notes={'unit': 'N', 'position_unit': 'm'})
-    assert in_own_units(friction_rows(friction_of(force))[-1].value, True) == '0.145 kg'
 
 
 def test_friction_that_the_sigmoid_lacks_is_part_of_coulomb_friction():

@@ -19,15 +19,7 @@ from friction_comp.files import package_file
 from friction_comp.note import experiments
 from friction_comp.note.experiments import EXPERIMENTS
 from friction_comp.recordings.reader import read_arm
-from friction_comp.simulation.joint import (
-    ARRIVED,
-    friction_level,
-    joint_parameters,
-    JOINT_STATE,
-    Plant,
-    random_states,
-    start_joint,
-)
+from friction_comp.simulation.joint import ARRIVED, Plant
 from friction_comp.simulation.mujoco_plant import MujocoPlant
 from friction_comp.simulation.undeclared import Undeclared
 
@@ -54,20 +46,6 @@ def test_holds_below_breakaway_and_slides_above(number):
             for _ in range(1500):
                 state = plant.step([0.0])
             assert abs(state.position[0]) <= 2.0 * model.drive.position_resolution
-
-
-def test_sliding_friction_is_equation_6():
-    """Where the transition is over, the friction level is the model's sigmoid."""
-    for model in map(note_model, (1, 2, 3)):
-        p = joint_parameters(model)
-        s = np.zeros(1, JOINT_STATE)[0]
-        start_joint(p, s, random_states(0, 1)[0])
-        scale = model.drive.torque_per_current
-        for speed in np.radians([10.0, 50.0, 100.0]):
-            assert friction_level(p, s, speed, True) == pytest.approx(
-                scale * float(model.sigmoid(speed)), rel=2e-3)
-            assert friction_level(p, s, speed, False) == pytest.approx(
-                -scale * float(model.sigmoid(-speed)), rel=2e-3)
 
 
 def test_sensors_quantise_and_limit():
