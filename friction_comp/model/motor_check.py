@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.effect import Effect, RESISTS
+from friction_comp.model.effect import RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
 
@@ -72,64 +72,46 @@ def is_to_be_recorded_again(model: FrictionModel) -> bool:
 
 
 def _faults(model: FrictionModel) -> Iterator[str]:
-    """Yield what no drive has; what comes later relies on what came before."""
-    speeds = np.linspace(-1.0, 1.0, 401) * model.largest_speed(_SPEED)
-    current, motion = np.asarray(model.sigmoid(speeds), dtype=float), _motion(model)
-    yield from _of_sigmoid(model, speeds[-1], current)
+    """Return what no drive has; what comes later relies on what came before."""
+    top, limit, motion = model.largest_speed(_SPEED), model.drive.current_limit, _motion(model)
+    current = np.asarray(model.sigmoid(np.linspace(-1.0, 1.0, 401) * top), dtype=float)
     friction = resisting = float(np.abs(current).max())
+
+    def say(figure: float) -> str:
+        return f'{figure:.4g} {model.unit}'
+    above = f'more than drive.current_limit of {say(limit)}: give the limit of the motor there'
+    checks = [
+        (not np.isfinite(current).all(), 'sigmoid: its currents are not finite'),
+        (not current[0] < 0.0 < current[-1], f'sigmoid: {say(current[-1])} forwards and '
+         f'{say(current[0])} backwards do not have the sign of friction'),
+        # A fit is never exact.
+        ((np.maximum.accumulate(current) - current).max() > 0.1 * (current[-1] - current[0]),
+         'sigmoid: it falls with speed; use the effect stribeck for such friction'),
+        (friction > limit, f'sigmoid: {say(friction)} at {top:.3g} rad/s is {above}')]
     for effect in model.effects:
+        name, resists = f"effect '{effect.name}'", effect.role == RESISTS
         with np.errstate(all='ignore'):
             size = float(np.abs(effect.current(motion)).max())
-        yield from _of_effect(model, effect, size, friction)
-        resisting += size * (effect.role == RESISTS and not effect.not_fed_back)
-    for side, sign, plateau in (('positive', 1.0, model.sigmoid.upper),
-                                ('negative', -1.0, -model.sigmoid.lower)) * bool(model.breakaway):
-        mean = sign * getattr(model.breakaway, f'{side}_mean')
-        yield from _above_limit(model, mean, f'breakaway.{side}: {_said(model, mean)} is')
-        if mean > _LARGEST_RATIO * resisting or mean < 0.2 * plateau:
-            yield (f'breakaway.{side}: {_said(model, mean)} does not match sliding friction of '
-                   f'{plateau:.3g} to {_said(model, resisting)}')
-
-
-def _said(model: FrictionModel, figure: float) -> str:
-    return f'{figure:.4g} {model.unit}'
-
-
-def _above_limit(model: FrictionModel, current: float, what: str) -> Iterator[str]:
-    if current > (limit := model.drive.current_limit):
-        yield (f'{what} more than drive.current_limit of {_said(model, limit)}: give the limit of '
-               'the motor there')
-
-
-def _of_sigmoid(model: FrictionModel, top: float, current: np.ndarray) -> Iterator[str]:
-    """Yield what is wrong with the sigmoid, of currents in A, (N,), up to a speed, rad/s."""
-    if not np.isfinite(current).all():
-        yield 'sigmoid: its currents are not finite'
-    if not current[0] < 0.0 < current[-1]:
-        yield (f'sigmoid: {_said(model, current[-1])} forwards and {_said(model, current[0])} '
-               'backwards do not have the sign of friction')
-    # A fit is never exact.
-    if (np.maximum.accumulate(current) - current).max() > 0.1 * (current[-1] - current[0]):
-        yield 'sigmoid: it falls with speed; use the effect stribeck for such friction'
-    largest = float(np.abs(current).max())
-    yield from _above_limit(
-        model, largest, f'sigmoid: {_said(model, largest)} at {top:.3g} rad/s is')
-
-
-def _of_effect(model: FrictionModel, effect: Effect, size: float, friction: float
-               ) -> Iterator[str]:
-    """Yield what is wrong with an effect of a size, beside sliding friction, A."""
-    name = f"effect '{effect.name}'"
-    # Those of friction laws are between 0.5 and 2.
-    if (exponent := effect.values.get('exponent', 0.0)) > 10.0:
-        yield f'{name}: exponent {exponent:g} is above 10'
-    if not math.isfinite(size):
-        yield f'{name} gives currents that are not finite'
-    if effect.role != RESISTS and not effect.not_fed_back:
-        yield from _above_limit(model, size, f'{name}: {_said(model, size)} are')
-    elif size > _LARGEST_RATIO * friction and not effect.not_fed_back:
-        yield (f'{name}: {_said(model, size)} are too many beside sliding friction of '
-               f'{_said(model, friction)}')
+        resisting += size * (resists and not effect.not_fed_back)
+        # Exponents of friction laws are between 0.5 and 2.
+        exponent = effect.values.get('exponent', 0.0)
+        checks += [
+            (exponent > 10.0, f'{name}: exponent {exponent:g} is above 10'),
+            (not math.isfinite(size), f'{name} gives currents that are not finite'),
+            (not effect.not_fed_back and not resists and size > limit,
+             f'{name}: {say(size)} are {above}'),
+            (not effect.not_fed_back and resists and size > _LARGEST_RATIO * friction,
+             f'{name}: {say(size)} are too many beside sliding friction of {say(friction)}')]
+    if model.breakaway is not None:
+        for side, mean, plateau in (
+                ('positive', model.breakaway.positive_mean, model.sigmoid.upper),
+                ('negative', -model.breakaway.negative_mean, -model.sigmoid.lower)):
+            checks += [
+                (mean > limit, f'breakaway.{side}: {say(mean)} is {above}'),
+                (mean > _LARGEST_RATIO * resisting or mean < 0.2 * plateau,
+                 f'breakaway.{side}: {say(mean)} does not match sliding friction of '
+                 f'{plateau:.3g} to {say(resisting)}')]
+    return (text for wrong, text in checks if wrong)
 
 
 def _motion(model: FrictionModel) -> Samples:
