@@ -105,8 +105,11 @@ def test_an_urdf_says_how_an_arm_is_mounted(pinocchio, tmp_path):
     hanging = small_arm(MASSES).replace('<robot name="small">', (
         '<robot name="small"><link name="room"/><joint name="mount" type="fixed"><parent '
         f'link="room"/><child link="base"/><origin xyz="0 0 0" rpy="0 {np.pi} 0"/></joint>'))
-    found = fit_arm(chain_of(tmp_path, hanging, PLANE), simulated(9, 600, hanging)[0])
+    joints = simulated(9, 600, hanging)[0]
+    found = fit_arm(chain_of(tmp_path, hanging, PLANE), joints)
     assert (found.held_out < 0.05).all()
+    assert not found.opposed
+    assert fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints).opposed == ['lift']
 
 
 @pytest.mark.parametrize('spoil, words', [

@@ -306,6 +306,7 @@ class ArmFit:
     held_out: np.ndarray  # (J,): RMS error in A on stretches not fitted
     intervals: LinkIntervals  # of the links and the currents per torque
     declared: bool  # whether the currents per torque are those given
+    opposed: list[str]  # joints whose current opposes the torque of the URDF
 
 
 @one_thread
@@ -350,7 +351,8 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         tree=tree, start=chain.tree, scales=scales, differentiation=best.settings,
         held_out=_held_out(best.sums, best.prior, best.x),
         intervals=solver.confidence_intervals(whole.sums, best.prior, x),
-        declared=problem.declared is not None)
+        declared=problem.declared is not None,
+        opposed=[chain.tree.joints[joint] for joint in best.opposed])
 
 
 class _Trial(NamedTuple):
@@ -363,6 +365,7 @@ class _Trial(NamedTuple):
     prior: Prior
     x: np.ndarray
     tree: Tree
+    opposed: list[int]  # joints whose current opposes the URDF's torque
 
 
 @dataclass(frozen=True)
@@ -385,7 +388,7 @@ class _Problem:
         rows = solver.rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
         columns, indices = columns_of(rows, tree, terms)
         sums = rows.sums(columns)
-        typical = _typical_scale(sums, self.bodies)
+        typical, opposed = _typical_scale(sums, self.bodies)
         scale = np.full(len(self.joints), typical or 1.0)
         prior = Prior(
             self.bodies, np.log(scale if self.declared is None else self.declared),
@@ -394,10 +397,10 @@ class _Problem:
             1.0 if self.declared is None else 1e-3,
             signs_at(indices, len(self.joints)))
         if typical is None:
-            return _Trial(math.inf, settings, terms, sums, prior, prior.mean, tree)
+            return _Trial(math.inf, settings, terms, sums, prior, prior.mean, tree, opposed)
         sums, x = _reweighted_fit(sums, prior, prior.mean)
         error = float(np.mean(np.log(_held_out(sums, prior, x))))
-        return _Trial(error, settings, terms, sums, prior, x, tree)
+        return _Trial(error, settings, terms, sums, prior, x, tree, opposed)
 
     def best(self, report: Callable[[float], None] = lambda share: None) -> _Trial:
         """Return the fit with the best settings, and with what acts beside the links."""
@@ -420,11 +423,15 @@ def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
                               (2.0, 5.0, 10.0, 20.0, 40.0))
 
 
-def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
-    """Return the weighted median of the joints' currents per torque, A per N·m, if any."""
-    scales, sizes, resisting = [], [], []
+def _typical_scale(problem: Sums, bodies: Bodies) -> tuple[float | None, list[int]]:
+    """Return the weighted median of the joints' currents per torque, A per N·m, if any.
+
+    Beside it the joints whose current opposes the torque of the URDF.
+    """
+    scales, sizes, resisting, opposed = [], [], [], []
     links = bodies.prior.ravel()
-    for matrix in problem.total[problem.counts > 0.0]:
+    for joint in np.flatnonzero(problem.counts > 0.0).tolist():
+        matrix = problem.total[joint]
         # Combine the columns to the URDF's torque, friction and the current.
         combine = np.zeros((len(matrix), len(matrix) - links.size + 1))
         combine[:links.size, 0] = links
@@ -438,6 +445,9 @@ def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
             friction = math.sqrt(max(coefficients[2:4] @ own[2:4, 2:4] @ coefficients[2:4], 0.0))
             if friction > 0.1:
                 resisting.append(coefficients[2] / norm[2] + coefficients[3] / norm[3] > 0.0)
+        # 0.0 and more where the URDF is right, -0.7 to -3 where an arm is mounted otherwise.
+        if coefficients[0] < -0.3:
+            opposed.append(joint)
         if coefficients[0] > 0.0:
             scales.append(math.log(coefficients[0] * norm[-1] / norm[0]))
             sizes.append(coefficients[0])
@@ -445,11 +455,11 @@ def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
         raise InputError('friction in the efforts drives the joints instead of resisting: efforts '
                          'have the opposite sign of positions')
     if not scales:
-        return None
+        return None, opposed
     # Joints that carry large loads determine the scale best, so they weigh more.
     order = np.argsort(scales)
     share = np.cumsum(np.array(sizes)[order]) / max(sum(sizes), 1e-300)
-    return float(np.exp(np.array(scales)[order][int(np.searchsorted(share, 0.5))]))
+    return float(np.exp(np.array(scales)[order][int(np.searchsorted(share, 0.5))])), opposed
 
 
 def _reweighted_fit(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, np.ndarray]:
@@ -533,6 +543,9 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         notes.append('the efforts are no torques in N·m of this URDF: taken as currents of unknown '
                      'torque constants (--unit A says so, --torque-constant and --gear-ratio say '
                      'more)')
+    notes += [f'the current of joint {name!r} opposes the torque of the URDF: its sign differs, or '
+              'the arm is mounted otherwise (a fixed joint under the base says how)'
+              for name in fit.opposed]
     arm, refined = Arm(fit.tree, fit.differentiation), list(only or names)
     results: dict[str, RefineResult] = {}
     for index, name in enumerate(refined):
