@@ -297,8 +297,6 @@ def test_the_later_of_two_directions_counts(tmp_path):
     # A namespace in the name, with and without the topic.
     (['/joint_states'], ['/left/elbow', '/left/wrist'], '/left/elbow', 0, '/left/elbow'),
     (['/joint_states'], ['/left/elbow', 'wrist'], '/joint_states//left/elbow', 0, '/left/elbow'),
-    (['/a/joint_states', '/b/joint_states'], ['left/elbow', 'wrist'],
-     '/b/joint_states/left/elbow', 1, 'left/elbow'),
     # Of two topics the longest, but first of all a joint that is called so.
     (['/a', '/a/joint_states'], ['joint_states/elbow', 'elbow'], '/a/joint_states/elbow', 1,
      'elbow'),
