@@ -20,7 +20,6 @@ from friction_comp.compensation.law_parameters import (
     PARAMETERS,
     set_breakaway,
     STATE,
-    zeros,
 )
 from friction_comp.compensation.safety import BAD_TIME, TURN_TIME
 from friction_comp.errors import InputError
@@ -68,8 +67,8 @@ class CompensationLaw:
             raise InputError(f'gravity must be one of {", ".join(GRAVITY)}, not {gravity!r}')
         self._gravity, self._sample_time = gravity, sample_time
         self.joints = len(self.models)
-        self._parameters = zeros(self.joints, PARAMETERS)
-        self._states = zeros(self.joints, STATE)
+        self._parameters = np.zeros(self.joints, PARAMETERS)
+        self._states = np.zeros(self.joints, STATE)
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [EffectCurrents(model, self._why_left_out) for model in self.models]
         self._carried = np.zeros(self.joints)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from numba import config
 import numpy as np
 
 from friction_comp.errors import InputError
@@ -106,15 +105,6 @@ def _record(kind: type) -> np.dtype:
 
 
 PARAMETERS, STATE = _record(Parameters), _record(State)
-
-
-def zeros(count: int, fields: np.dtype) -> np.ndarray:
-    """Return records of zeros, shape (J,), for compiled code or for plain Python.
-
-    With ``NUMBA_DISABLE_JIT=1`` nothing is compiled, and plain Python reads the fields by name too.
-    """
-    records = np.zeros(count, fields)
-    return records.view(np.recarray) if config.DISABLE_JIT else records
 
 
 def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain: float = 0.9,
