@@ -8,15 +8,12 @@ moves.
 
 from dataclasses import replace
 import math
-from pathlib import Path
-import sys
 from types import SimpleNamespace
 
 from helpers import joint_state, note_model
 import numpy as np
 import pytest
 
-import friction_comp
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.control.compensation_loop import CompensationLoop
 from friction_comp.control.faults import Faults
@@ -230,25 +227,6 @@ def test_a_state_that_cannot_be_is_told_and_gives_its_joint_zero_current(change,
     assert [value != 0.0 for value in current] == moved
     assert words in desk.faults.worst[1]
     assert min(desk.move(0.3)) > 0.1
-
-
-def test_a_joint_state_passes_few_files_on_its_way_to_the_port():
-    desk, files, package = Desk(), set(), Path(friction_comp.__file__).parent
-    desk.move()
-
-    def note(frame, event, _):
-        path = Path(frame.f_code.co_filename)
-        if event == 'call' and package in path.parents:
-            files.add(path.stem)
-    desk.time += 1e-3
-    sys.setprofile(note)
-    try:
-        assert desk.state()[0] > 0.1
-    finally:
-        sys.setprofile(None)
-    # From Python 3.12 on, compiled code does not show.
-    assert files - {'law_kernel'} == {
-        'compensation_loop', 'inputs', 'joint_states', 'watchdog', 'law'}
 
 
 def test_a_late_or_repeated_state_changes_nothing():

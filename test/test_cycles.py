@@ -19,7 +19,6 @@ from friction_comp.identification import measurements as twice
 from friction_comp.identification.curves import fit_sigmoid
 from friction_comp.identification.goal import cycle_state, IdentificationError, IdentificationGoal
 from friction_comp.identification.measurements import (
-    combined_presliding,
     evaluate_ramps,
     find_backlash,
     KineticPoint,
@@ -196,7 +195,6 @@ def test_a_curve_that_is_not_the_measured_friction_is_not_passed_off_as_it(rise,
 # Ramps.
 
 LEVEL, FREE, COUNT = 0.3, 60.0, 1.5e-5  # A, rad/s² per A of a free joint, rad
-ONE_EACH = np.array([True, False])      # which ramps follow a slide in their own direction
 
 
 class Contact(NamedTuple):
@@ -300,17 +298,3 @@ def test_breakaway_that_backlash_makes_unsure_is_refused_with_that_word():
              for level in (0.8, 0.9, 1.0, 1.1) for sign in (1, -1)]
     with pytest.raises(IdentificationError, match=r'backlash of .* rad: breakaway scatters'):
         evaluated(ramps)
-
-
-def test_presliding_is_the_less_sure_the_more_ramps_differ_and_the_coarser_the_encoder():
-    def deviation(*ways, count=COUNT):
-        onward = np.arange(2 * len(ways)) < len(ways)
-        return combined_presliding(np.array(ways * 2), onward, count)[1]
-    same, differ = deviation(*[3e-4] * 4), deviation(2e-4, 3e-4, 3e-4, 4e-4)
-    assert 0.05 * 3e-4 < same < differ < 0.5 * 3e-4
-    assert deviation(*[3e-4] * 4, count=1e-4) > same
-    assert deviation(3e-4) > differ, 'one ramp a side tells little'
-    # All that ramps against the slide of a loose gear yield more may be backlash, or memory.
-    distance, std = combined_presliding(np.array([2e-4, 6e-4]), ONE_EACH, COUNT, loose=True)
-    assert distance == pytest.approx(3e-4)
-    assert std > 1e-4

@@ -255,12 +255,6 @@ def test_presliding_of_an_encoder_coarser_than_stated_is_not_made_up():
                  ).finish().presliding is None
 
 
-@pytest.mark.slow
-def test_a_steady_load_is_reported():
-    result = Bench(torque=lambda run, state: 0.3).finish()
-    assert any('leant' in text for text in result.warnings)
-
-
 # What ends a run.
 
 @pytest.mark.parametrize(('phase', 'index', 'kept', 'added', 'words'), [

@@ -274,8 +274,3 @@ def test_what_is_missing_on_this_machine_is_named(monkeypatch, capsys, change, a
     lines = capsys.readouterr().out.splitlines()
     assert any(about in line and words in then for line, then in zip(lines, lines[1:]))
     assert about in lines[-1]
-
-
-def test_it_asks_for_what_the_package_is_installed_with():
-    needed = (ROOT / 'requirements' / 'run.txt').read_text(encoding='utf-8').lower()
-    assert [name for name in doctor._REQUIRED if name not in needed] == []

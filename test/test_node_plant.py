@@ -10,19 +10,15 @@ import time
 from node_process import Process
 import numpy as np
 import pytest
-from ros_system import joint_state, MODELS, probe_node, RELIABLE, tick, value_of
-from rosgraph_msgs.msg import Clock
+from ros_system import joint_state, MODELS, probe_node, RELIABLE, value_of
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray, MultiArrayDimension
 
-from friction_comp.direction.exercise import load_exercise
-from friction_comp.files import package_file
 from friction_comp.messages import nanoseconds, TORQUE_UNIT
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
 
 JOINTS = ['elbow', 'shoulder']
-EXAMPLE = package_file('config', 'exercises', 'two_joints.yaml')
 
 
 class Commander:
@@ -95,45 +91,6 @@ def test_real_time_runs_by_itself_and_forgets_old_commands(tmp_path):
         stamps = sorted({nanoseconds(m.header.stamp) for m in commander.states})
         # A thousand a second on a machine that keeps up.
         assert np.median(np.diff(stamps)) == pytest.approx(1e6, rel=1e-3)
-
-
-def test_an_exercise_follows_the_ticks_and_announces_each_joint(tmp_path):
-    """The elbow turns round, the shoulder goes on."""
-    source, step, begin = load_exercise(EXAMPLE).of(JOINTS), 50_000_000, 10**9
-    with probe_node() as probe, Process(tmp_path, 'exercise', {
-            'joints': JOINTS, 'clock': 'ticks', 'when_done': 'exit',
-            'input_reliability': 'reliable', 'exercise_file': str(EXAMPLE)}) as process:
-        clock, states = probe.talk(Clock, '/clock'), probe.talk(JointState, 'joint_states')
-        references = probe.listen(JointState, 'reference')
-        directions = probe.listen(Int8MultiArray, 'direction')
-        for publisher in (clock, states):
-            probe.matched(publisher)
-        # The first direction is sent once, to those who are known by then.
-        probe.until(lambda: probe.count_publishers('reference')
-                    and probe.count_publishers('direction'), 'publishers')
-        probe.spin_for(0.2)
-        # Before the first joint state, no person holds the joints, and time must not advance.
-        probe.until(lambda: clock.publish(tick(begin)) or probe.spin_for(0.1) or references,
-                    'a reference')
-        clock.publish(tick(begin + 5_000_000))
-        probe.spin_for(0.3)
-        assert all(not m.name and nanoseconds(m.header.stamp) == begin for m in references)
-        states.publish(joint_state(begin, ['shoulder', 'elbow'], [1.0, 2.0]))
-        # After the last of these the node ends, and answers no more.
-        wanted, times = [(0, 0)], step * np.arange(round(1e9 * source.duration / step) + 1) / 1e9
-        for time_ in times:
-            stamp = begin + step + round(1e9 * time_)
-            clock.publish(tick(stamp))
-            probe.until(lambda stamp=stamp: nanoseconds(references[-1].header.stamp) == stamp,
-                        'the reference of the tick')
-            position, velocity, direction = source.at(time_)
-            np.testing.assert_allclose(references[-1].position, [2.0, 1.0] + position, atol=1e-12)
-            np.testing.assert_allclose(references[-1].velocity, velocity, atol=1e-12)
-            wanted.append(tuple(direction))
-        probe.until(lambda: len(directions) >= len(wanted), 'all directions')
-        assert [tuple(message.data) for message in directions[:len(wanted)]] == wanted
-        assert {(1, 1), (-1, 1)} <= set(wanted)
-        assert process.wait() == 0
 
 
 def test_an_exercise_by_its_timer_takes_joints_of_any_driver_and_its_announcement_back(tmp_path):

@@ -8,20 +8,17 @@ import random
 import resource
 import shutil
 import signal
-from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticArray
 from node_process import Process
 import numpy as np
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import serialize_message
 from ros_system import joint_state, own_domain, probe_node, value_of
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.recordings.reader import find_recordings, read_recording_with_info
 from friction_comp.recordings.scan import Scan
-from friction_comp.ros import dated_topics
 
 
 def talk_until(probe, publisher, condition, what, count=0):
@@ -202,26 +199,3 @@ def test_losses_are_counted(tmp_path):
             assert recorder.wait() == 0
     (_, info), = read_recording_with_info(folder)
     assert any(f'{lost} joint_states' in note for note in info.notes)
-
-
-def test_messages_do_not_wait_for_ever_for_joint_states(monkeypatch):
-    monkeypatch.setattr(dated_topics, 'steady_timer', lambda *_: None)
-    second, taken = 10**9, []
-    node = SimpleNamespace(
-        resolve_topic_name=str, create_subscription=lambda *_, **__: SimpleNamespace(),
-        get_publishers_info_by_topic=lambda _: [])
-    dated = dated_topics.DatedTopics(node, lambda topic, stamp, cdr: taken.append(stamp))
-
-    def say(number):
-        now = 1000 * second + number
-        monkeypatch.setattr(dated_topics.time, 'time_ns', lambda: now)
-        dated._on_unstamped('direction', b'1', {'source_timestamp': now})
-        dated._check()
-    state = serialize_message(joint_state(7 * second, ['elbow'], [0.0]))
-    dated._on_stamped('joint_states', state, {'source_timestamp': 1001 * second})
-    taken.clear()
-    say(2 * second)
-    assert taken == []
-    say(7 * second + 1)
-    assert taken == [7 * second]
-    assert len(dated.waiting) == 1

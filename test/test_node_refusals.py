@@ -11,22 +11,17 @@ import rclpy
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from ros_system import MODELS, own_domain, probe_node
-import yaml
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.compensator import CompensatorNode
 from friction_comp.nodes.direction import DirectionNode
 from friction_comp.nodes.exercise import ExerciseNode
-from friction_comp.nodes.identification import IdentificationNode
 from friction_comp.nodes.plant import PlantNode
 from friction_comp.nodes.recorder import RecorderNode
-from friction_comp.nodes.refinement import RefinementNode
-from friction_comp.ros.node_parts import described
 
 ONE = {'joints': ['elbow'], 'model_files': MODELS[:1]}
 ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: ghost}]\n'
-KINDS = (CompensatorNode, DirectionNode, ExerciseNode, IdentificationNode, PlantNode, RecorderNode,
-         RefinementNode)
+
 
 
 @pytest.fixture(scope='module')
@@ -117,26 +112,11 @@ def test_nodes_that_end_leave_the_middleware(tmp_path):
             probe.until(lambda: not names & set(probe.get_node_names()), 'their ends', 10.0)
 
 
-@pytest.mark.parametrize('kind', KINDS)
-def test_a_node_has_the_parameters_of_the_file(domain, kind, tmp_path, monkeypatch):
-    """With their defaults, and refuses what is beyond a range or no choice."""
-    monkeypatch.chdir(tmp_path)
-    file = yaml.safe_load((ROOT / 'config' / 'parameters.yaml').read_text(encoding='utf-8'))
-    with in_this_process(kind, ONE) as node:
-        name, own = node.get_name(), set(node.get_parameters_by_prefix(''))
-        listed = file[f'/**/{name}']['ros__parameters']
-        entries = list(described(name))
-        assert {*listed, *({'joints', 'model_files'} & own)} == {one.name for one in entries}
-        assert own - {one.name for one in entries} == {
-            'use_sim_time', 'start_type_description_service'}
-        for one in entries:
-            if one.name in listed:
-                assert (node.get_parameter(one.name).value if not isinstance(one.default, list)
-                        else one.default) == listed[one.name]
-            assert one.meaning
-            wrong = one.range[-1] * 2 + 1 if one.range else 'odd'
-            if not one.changes or one.range or one.choices:
-                wrong = type(one.default)(wrong) if one.changes else one.default
-                answer, = node.set_parameters([Parameter(one.name, value=wrong)])
-                assert not answer.successful
-                assert node.get_parameter(one.name).value == one.default or not one.changes
+@pytest.mark.parametrize(('name', 'value'), [
+    ('breakaway_gain', 1.1), ('law', 'odd'), ('command_interface', 'effort')])
+def test_a_change_beyond_range_or_choices_or_of_what_stays_is_refused(domain, name, value):
+    with in_this_process(CompensatorNode, ONE) as node:
+        before = node.get_parameter(name).value
+        answer, = node.set_parameters([Parameter(name, value=value)])
+        assert not answer.successful
+        assert node.get_parameter(name).value == before

@@ -11,7 +11,7 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
-from helpers import note_model, ROOT, write
+from helpers import ROOT, write
 import numpy as np
 import pytest
 import yaml
@@ -429,12 +429,3 @@ def test_a_plan_of_an_arm_gives_the_torque_of_each_joint(tmp_path):
     assert {'elbow.torque', 'wrist.torque'} <= set(rows)
     moves = np.abs(v2) > 0.3
     np.testing.assert_allclose(rows['wrist.torque'][moves], 0.25 * np.sign(v2[moves]), atol=1e-4)
-
-
-def test_a_table_of_another_joint_is_refused(tmp_path, refuses):
-    note_model(2).save(tmp_path / 'model.yaml')
-    replace(MODEL, effects=[]).save(tmp_path / 'elbow.yaml')
-    (tmp_path / 'plan.csv').write_text('time,a.position,b.position\n0,0,0\n1,1,1\n2,2,2\n',
-                                       encoding='utf-8')
-    refuses('elbow', 'predict', tmp_path / 'plan.csv', '--model', tmp_path / 'elbow.yaml')
-    refuses('--joint', 'predict', tmp_path / 'plan.csv', '--model', tmp_path / 'model.yaml')
