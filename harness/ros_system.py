@@ -8,7 +8,6 @@ import os
 import random
 import time
 
-from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
 from node_process import PATIENCE, Process, ROOT
@@ -260,25 +259,6 @@ class Goals:
         answer = self.probe.complete(handle.cancel_goal_async(), 'answer to the cancellation')
         assert len(answer.goals_canceling) == 1
         return self.result(handle)
-
-    def cancel_at_once(self, **goal):
-        """Send a goal and cancel it, until it is cancelled before it starts; return its result."""
-        name = f'{self._client._action_name}/_action/cancel_goal'
-        canceller = self.probe.create_client(CancelGoal, name)
-        self.probe.until(canceller.service_is_ready, 'the service')
-        end = time.monotonic() + PATIENCE
-        while True:
-            assert time.monotonic() < end, 'the requests never arrived together'
-            sent = self.send(**goal)
-            # Without an id, it cancels all goals.
-            answer = canceller.call_async(CancelGoal.Request())
-            handle = self.probe.complete(sent, 'answer to the goal')
-            cancelled = self.probe.complete(answer, 'answer to the cancellation').goals_canceling
-            if cancelled:
-                self.probe.destroy_client(canceller)
-                return self.result(handle)
-            if handle.accepted:
-                self.cancel(handle)
 
     def close(self):
         self._client.destroy()

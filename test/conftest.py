@@ -86,12 +86,11 @@ def drawn_once(figure, linear=False):
     return _DRAWN[axes]
 
 
-@pytest.fixture(scope='module', autouse=True)
-def plain_pages(request):
-    """Draw figures once of each kind, in modules without `LIVE_PAGES`."""
+@pytest.fixture(scope='session', autouse=True)
+def plain_pages():
+    """Draw figures once of each kind."""
     with pytest.MonkeyPatch.context() as monkeypatch:
-        if not getattr(request.module, 'LIVE_PAGES', False):
-            monkeypatch.setattr(figures, 'for_page', drawn_once)
+        monkeypatch.setattr(figures, 'for_page', drawn_once)
         yield
 
 

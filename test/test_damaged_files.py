@@ -34,8 +34,6 @@ from friction_comp.excitation.plan import from_urdf, pairs_in
 from friction_comp.files import read_json, to_json
 from friction_comp.interrupts import end_by_exception, Ended
 from friction_comp.recordings.reader import read_recording
-from friction_comp.recordings.writer import write_samples
-from friction_comp.samples import Samples
 from friction_comp.trajectory import Trajectory
 
 # A good file of each format, cut, with one bit or one length changed: an answer, or one line.
@@ -60,17 +58,6 @@ def hdf5(folder):
     h5py = pytest.importorskip('h5py')
     with h5py.File(folder / 'good.h5', 'w') as file:
         file.update(COLUMNS)
-
-
-def evaluation(folder):
-    """Two movements behind a person's torque, as `evaluate` reads them."""
-    phase = np.clip(TIME % 3.0 - 0.5, 0.0, 2.0)
-    speed = np.sin(0.5 * np.pi * phase) * np.where(TIME < 3.0, 1.0, -1.0)
-    write_samples(folder / 'r', Samples(
-        time=TIME, position=0.01 * np.cumsum(speed), current=np.zeros(600), velocity=speed,
-        load=0.3 * np.sign(speed), direction=np.sign(speed).astype(int), joint='elbow'))
-    shutil.move(folder / 'r' / 'r_0.mcap', folder / 'good.mcap')
-    shutil.rmtree(folder / 'r')
 
 
 def trajectory(folder):
@@ -126,7 +113,6 @@ FORMATS = {
         'ambiguous': [{'between': ['gravity', 'spring']}], 'effects': [
             {'name': 'stribeck', 'chosen': 0.4}], 'unexplained': [{'variable': 'position'}]})),
         of_file(lambda path: pairs_in(read_json(path), str(path)))),
-    'evaluation': ('.mcap', evaluation, ['evaluate', 'good.mcap', '--output', 'out']),
 }
 
 

@@ -12,7 +12,6 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import refine
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import Table, Term
@@ -20,7 +19,6 @@ from friction_comp.refinement.intervals import intervals
 from friction_comp.refinement.prepare import prepare, Problem
 from friction_comp.refinement.search import adjust_constants, Fit, Search
 from friction_comp.samples import Samples
-from friction_comp.statistics import rms
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}
 RAW = {'method': 'zero-phase Butterworth', 'source': 'velocity', 'bandwidth': None}
@@ -208,19 +206,14 @@ def late(seed, delay):
 
 
 @pytest.mark.parametrize('delay', [0.03, -0.03, 0.0])
-def test_a_delay_of_the_torque_is_found_and_one_of_the_sensor_is_no_effect(delay, tmp_path):
-    samples = late(2, delay)
-    result = refine([samples], drive=Drive(0.1, 100.0))
+def test_a_delay_of_the_torque_is_found_and_one_of_the_sensor_is_no_effect(delay):
+    result = refine([late(2, delay)], drive=Drive(0.1, 100.0))
     assert result.report.differentiation.get('lag', 0.0) == pytest.approx(delay, abs=0.003)
     found = {effect.name for effect in result.report.effects}
     assert 'inertia' in found
     assert ('actuation_lag' in found) == (delay > 0.0)
     assert result.report.friction.coulomb == pytest.approx(0.8, rel=0.01)
     assert result.report.friction.inertia == pytest.approx(0.05, rel=0.05)
-    # The file says it, too: it predicts as the report states.
-    result.model.save(tmp_path / 'model.yaml')
-    error = samples.current - FrictionModel.load(tmp_path / 'model.yaml').predict(samples)
-    assert rms(error[result.usable]) == pytest.approx(result.report.after.fit_rmse, rel=1e-6)
     assert result.report.after.held_out_rmse < 1.7 * NOISE
 
 

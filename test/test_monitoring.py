@@ -207,11 +207,6 @@ def alone(seen):
     seen.states.clear()
 
 
-def degrees(seen):
-    column(2, np.degrees)(seen)
-    column(3, np.degrees)(seen)
-
-
 @pytest.mark.parametrize(('harm', 'about', 'words'), [
     (lambda seen: seen.topics['/current_command'][1].clear(), 'current_command', 'nobody reads'),
     (lambda seen: seen.topics['/current_command'][0].append(Endpoint('/other', COMMANDS)),
@@ -227,12 +222,9 @@ def degrees(seen):
     (lambda seen: seen.states.update({JOINT: seen.states[JOINT][::5]}), JOINT, '100 Hz'),
     (column(0, lambda received: received + 3.0), 'clocks', '3 s old'),
     (lambda seen: seen.states[JOINT].__setitem__((70, 1), 0.0), 'clocks', 'go backwards'),
-    (column(3, np.negative), JOINT, '-1 times'),
     (column(3, np.degrees), JOINT, 'velocity is in deg/s'),
-    (degrees, JOINT, 'degrees or that of'),
     (column(4, lambda effort: np.full_like(effort, np.nan)), JOINT, 'have no effort'),
     (column(4, np.negative), JOINT, 'wrong sign'),
-    (column(4, lambda effort: 1000.0 * effort), JOINT, 'N·mm'),
     (topic('direction', [('/one', DIRECTIONS), ('/two', DIRECTIONS)]), 'direction', '/one, /two'),
     (lambda seen: seen.parameters.pop('/driver'), 'driver', 'no parameter for a command timeout'),
     (lambda seen: seen.diagnostics.update({'compensator: compensation': (2, 'no joint_states')}),

@@ -52,14 +52,6 @@ def tracked_files():
     return [ROOT / name for name in listing.stdout.split('\0') if name]
 
 
-@pytest.fixture
-def build_tools(monkeypatch):
-    monkeypatch.syspath_prepend(ROOT / 'build_tools')
-    import interfaces
-
-    return interfaces
-
-
 def test_the_version_is_the_same_everywhere():
     versions = {
         ElementTree.parse(ROOT / folder / 'package.xml').findtext('version')
@@ -123,19 +115,18 @@ def test_exit_codes_of_tools(monkeypatch, capsys, ending, code, said):
     assert capsys.readouterr().err == 2 * said
 
 
-@pytest.mark.parametrize(('system', 'machine', 'compiler', 'reason'), [
-    ('linux', 'x86_64', '/usr/bin/c++', ''), ('linux', 'x86_64', None, 'compiler'),
-    ('linux', 'aarch64', '/usr/bin/c++', 'Linux x86-64'), ('darwin', 'arm64', 'c++', 'Linux'),
-    ('win32', 'AMD64', 'c++', 'Linux')])
+@pytest.mark.parametrize(('system', 'compiler', 'reason'), [
+    ('linux', 'c++', ''), ('linux', None, 'no C++ compiler'), ('darwin', 'c++', 'Linux')])
 def test_without_what_nodes_need_pip_installs_the_tools_alone(
-        build_tools, monkeypatch, system, machine, compiler, reason):
+        monkeypatch, system, compiler, reason):
+    monkeypatch.syspath_prepend(ROOT / 'build_tools')
+    import interfaces as build_tools
+
     monkeypatch.delenv('ROS_DISTRO', raising=False)
     monkeypatch.setattr(sys, 'platform', system)
-    monkeypatch.setattr(build_tools.platform, 'machine', lambda: machine)
+    monkeypatch.setattr(build_tools.platform, 'machine', lambda: 'x86_64')
     monkeypatch.setattr(build_tools.shutil, 'which', lambda *_, **__: compiler)
-    left_out = build_tools.why_left_out()
-    assert reason in left_out
-    assert bool(left_out) == bool(reason)
+    assert reason in build_tools.why_left_out()
     # What is left is plain Python, for any machine.
     distribution = build_tools.WithInterfaces()
     assert distribution.has_ext_modules() == (not reason)

@@ -16,7 +16,6 @@ from friction_comp.drive import Drive
 from friction_comp.model.effect import Coverage
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.model_file import Recorded, signals_read
 from friction_comp.model.motor_check import cautions
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
@@ -436,19 +435,6 @@ def in_posture(angle, seed):
     one = recording(seed)
     return one.with_(joint='a', arm=JointStates(
         ('a', 'b'), np.column_stack((one.position, np.full(len(one), angle)))))
-
-
-def test_a_temperature_and_other_joints_count_even_if_nothing_depends_on_them():
-    samples = in_posture(0.5, 1)
-    samples = samples.with_(velocity=samples.position, temperature=np.full(len(samples), 30.0))
-    known = Recorded().with_ranges(samples, [])
-    assert set(signals_read(samples, [])) == {'speed', 'temperature', 'position of b'}
-    for change, said in (({'temperature': samples.temperature + 1.5}, []),
-                         ({'temperature': samples.temperature + 10.0}, ['the temperature']),
-                         ({'arm': in_posture(0.8, 1).arm}, ['the position of b'])):
-        notes = known.beyond(samples.with_(**change), [])
-        assert len(notes) == len(said)
-        assert all(word in note for word, note in zip(said, notes))
 
 
 def test_weight_and_inertia_are_said_to_be_those_of_a_posture():
