@@ -18,8 +18,7 @@ from friction_comp.samples import Samples
 
 # Drive, samples, sigmoid, statistics, and the checks of numbers from outside.
 
-# Eq. 11 with the rows of configurations 2 and 3 in the order its own text asks for; test_docs.py
-# says that they are swapped.
+# Eq. 11 with the rows of configurations 2 and 3, which it swaps, in the order its text asks for.
 EQUATION_11 = {
     1: (0.1101, 1.2456, 0.1359, 1.1671, 1.4959, 0.0008),
     2: (0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027),
