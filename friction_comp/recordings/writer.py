@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import os
 from pathlib import Path
 import shutil
-from types import TracebackType
-from typing import Any, Literal
+from typing import Any
 
 from mcap.writer import CompressionType, Writer
 import numpy as np
@@ -69,13 +68,11 @@ class RecordingWriter:
     def __enter__(self) -> RecordingWriter:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
-                 traceback: TracebackType | None) -> Literal[False]:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None or self.message_count:
             self.close()
         else:
             self.abort()
-        return False
 
     def add_topic(self, topic: str, type_name: str) -> str:
         """Declare a topic, so that it is listed even without messages; return its absolute name.
@@ -136,13 +133,11 @@ class RecordingWriter:
             # A failed sync is reported once by the system.
             self._sync.result()
             os.fsync(self._file.fileno())
-            self._is_open = False
-            self._thread.shutdown()
-            self._file.close()
+            self.abort(keep=True)
             self._save_metadata()
 
     def abort(self, keep: bool = False) -> None:
-        """Close the file without an index, and delete the recording unless its chunks are kept."""
+        """Close the file as it is, and delete the recording unless its chunks are kept."""
         self._is_open = False
         self._thread.shutdown()
         with suppress(OSError):
@@ -161,11 +156,11 @@ class RecordingWriter:
             reason = getattr(error, 'strerror', None) or error
             raise InputError(f'{self.path}: cannot be written: {reason}{kept}') from None
 
-    def _metadata(self) -> dict[str, Any]:
+    def _save_metadata(self, sync: bool = True) -> None:
         span = {'starting_time': {'nanoseconds_since_epoch': self._first},
                 'duration': {'nanoseconds': self._last - self._first},
                 'message_count': self.message_count}
-        return {
+        write_atomically(self.path / METADATA, to_yaml({'rosbag2_bagfile_information': {
             'version': 9, 'storage_identifier': 'mcap', 'relative_file_paths': [self._name], **span,
             'topics_with_message_count': [{
                 'topic_metadata': {
@@ -175,12 +170,7 @@ class RecordingWriter:
                 'message_count': own.count} for topic, own in self._topics.items()],
             'compression_format': '', 'compression_mode': '', 'files': [
                 {'path': self._name, **span}],
-            'custom_data': self.custom_data or None, 'ros_distro': 'jazzy',
-        }
-
-    def _save_metadata(self, sync: bool = True) -> None:
-        write_atomically(self.path / METADATA, to_yaml(
-            {'rosbag2_bagfile_information': self._metadata()}), sync)
+            'custom_data': self.custom_data or None, 'ros_distro': 'jazzy'}}), sync)
 
 
 @dataclass

@@ -627,8 +627,7 @@ def unit_to_give(signal: str) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ', '.join(map(repr, names[:_MOST_NAMES])) + (
-        f' and {len(names) - _MOST_NAMES} more' if len(names) > _MOST_NAMES else '')
+    return ', '.join(map(repr, names[:_MOST_NAMES])) + ' …' * (len(names) > _MOST_NAMES)
 
 
 def _notes(used: Sequence[Column], layout: Layout) -> list[str]:
