@@ -385,12 +385,6 @@ def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, An
     return settings
 
 
-def arm_motion(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
-               ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return position, velocity and acceleration, each (N, J), of joints; None without joints."""
-    return moving_states(samples, joints, settings_for_arm(samples, settings)) if joints else None
-
-
 _SLOWEST_RATE = 100.0
 # A limit occurs more often than this multiple of the value next to it. At its turning points, a
 # sine in coarse steps has 2.4 times as many samples in the outermost step.
@@ -521,7 +515,8 @@ def prepare(problem: Problem, settings: dict[str, Any]) -> Rows:
     samples, joints, moved = problem.raw, problem.joints, problem.moved(settings)
     slowest = standstill_speed(moved)
     usable = in_motion(moved, problem.unusable, slowest, settings['bandwidth'])
-    motion = arm_motion(samples, joints, settings)
+    motion = moving_states(
+        samples, joints, settings_for_arm(samples, settings)) if joints else None
     # The fewest samples per row for which at most `ROWS` remain, at 100 Hz or more; then pieces
     # from everywhere.
     length = max(1, min(math.ceil(usable.sum() / thresholds.ROWS),
