@@ -38,12 +38,12 @@ def parts_of_time(samples, start, length=1, others=()):
     return np.argsort(np.argsort(start)) * 16 // len(start)
 
 
-def better_in_parts(before, after, least=0.02):
+def better_in_parts(before, after, least=None, scatters=None):
     """Judge as the sketch does: a gain of a share, beyond its scatter, in most parts."""
     before, after = np.atleast_2d(before)[-1], np.atleast_2d(after)[-1]
     gain = before - after
     return bool(gain.mean() > 2.0 * gain.std(ddof=1) / np.sqrt(len(gain))
-                and gain.sum() > least * before.sum() and np.mean(gain > 0.0) >= 0.7)
+                and gain.sum() > (least or 0.02) * before.sum() and np.mean(gain > 0.0) >= 0.7)
 
 
 def filter_by_time(problem):
