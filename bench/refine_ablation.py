@@ -141,7 +141,8 @@ def compared(title, names, rows, base):
             ratios = np.array([row['error'] / other['error'] for row, other in pairs])
             same = sum(row['names'] == other['names'] for row, other in pairs)
             cells.append(f'{np.exp(np.mean(np.log(ratios))):.2f} ({ratios.min():.2f} to '
-                         f'{ratios.max():.2f}), {same} of {len(pairs)}' if pairs else '')
+                         f'{ratios.max():.2f})' + f', {same} of {len(pairs)}' * (name != 'all')
+                         if pairs else '')
         lines.append(f'| {name} | ' + ' | '.join(cells) + ' |')
     return [*lines, '']
 
