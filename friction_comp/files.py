@@ -110,13 +110,20 @@ def unpacked_file(path: Path) -> Iterator[Path]:
         if path.suffix != '.zstd':
             yield path
             return
-        from tempfile import TemporaryDirectory
+        import shutil
+        from tempfile import gettempdir
 
-        with TemporaryDirectory() as folder:
-            plain = Path(folder, path.stem)
+        # A `TemporaryDirectory` stays behind where a signal comes while it is made or removed.
+        folder = Path(gettempdir(), f'friction_comp_{os.urandom(12).hex()}')
+        plain = folder / path.stem
+        try:
+            folder.mkdir(mode=0o700)
             with plain.open('wb') as stream:
                 stream.writelines(unpacked(path, packed, salvage=True))
             yield plain
+        finally:
+            with interrupts_deferred():
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def library_for(path: Path, name: str, extra: str, files: str) -> Any:
