@@ -130,9 +130,6 @@ def test_a_signal_that_the_model_needs_and_nobody_measures_is_said():
     residual.add(rows(30.0))
     assert 'load' in residual.blind
     assert not residual.verdict().known
-    # However long it lasts, what cannot be compared is not kept.
-    residual.add(rows(60.0)[len(rows(30.0)):])
-    assert len(residual._rows) < len(rows(5.0))
 
 
 @given(st.lists(st.integers(1, 400), min_size=1, max_size=12), st.integers(0, 1000))

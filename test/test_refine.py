@@ -7,7 +7,6 @@ Of recordings and of tables of means, on simulated and on measured drives.
 
 from argparse import Namespace
 from contextlib import redirect_stdout
-import csv
 from dataclasses import replace
 import json
 import re
@@ -15,6 +14,7 @@ import sys
 
 from helpers import note_model, ROOT, swings, write
 import numpy as np
+import pandas
 import pytest
 from recording_maker import DATA, needs_data, record_with_diagnostics
 from scipy.signal import butter, sosfiltfilt
@@ -68,11 +68,9 @@ def report_on(path, output, *more):
 
 
 def predicted(recording, model, path):
-    """Return the columns that `predict` writes, by name."""
+    """Return the table that `predict` writes."""
     assert run_predict([str(recording), '--model', str(model), '--output', str(path)]) == 0
-    with open(path, encoding='utf-8') as stream:
-        rows = list(csv.DictReader(stream))
-    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    return pandas.read_csv(path)
 
 
 @pytest.mark.slow
@@ -386,8 +384,7 @@ def test_refine_reads_a_table_of_steady_states(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(('sign', 'unit', 'words'), [
-    (1.0, '', 'TRUST: '), (-1.0, '', 'RECORD AGAIN: '), (-1.0, '', 'would have to push'),
-    (1.0, ' [%]', ' 8.000 % ')])
+    (1.0, '', 'TRUST: '), (-1.0, '', 'RECORD AGAIN: '), (1.0, ' [%]', ' 8.000 % ')])
 def test_friction_that_would_push_is_not_trusted_in_means_either(
         tmp_path, capsys, sign, unit, words):
     """And per cent stay so."""

@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 from helpers import ROOT, write
 import numpy as np
+import pandas
 import pytest
 import yaml
 
@@ -333,12 +334,11 @@ def motion(name='', phase=0.0):
 
 
 def predicted(folder, model, **columns):
-    """Write a table, and return the columns that `predict` makes of it."""
+    """Write a table, and return the one that `predict` makes of it."""
     write(folder / 'plan.csv', **columns)
     assert run('predict', [str(folder / 'plan.csv'), '--model', str(folder / model),
                            '--output', str(folder / 'out.csv')]) == 0
-    names, *rows = (folder / 'out.csv').read_text(encoding='utf-8').splitlines()
-    return dict(zip(names.split(','), np.array([row.split(',') for row in rows], float).T))
+    return pandas.read_csv(folder / 'out.csv')
 
 
 def test_one_state_gives_the_torque_of_its_terms_without_what_a_plan_does_not_tell():
