@@ -88,12 +88,12 @@ def small_arm(masses=(4.0, 3.0, 2.0)):
     return f'<robot name="small">{"".join(parts)}</robot>'
 
 
-def waves(rng, size, joints, step, amplitude=0.8, number=4, fastest=0.5):
+def waves(rng, size, joints, step, fastest=0.5):
     """Return position, velocity and acceleration of sums of sines, each of shape (N, J)."""
     t = np.arange(size) * step
-    frequency = 2 * np.pi * rng.uniform(0.05, fastest, (number, joints))
-    phase = rng.uniform(0, 2 * np.pi, (number, joints))
-    share = amplitude * rng.uniform(0.3, 1.0, (number, joints)) / np.sqrt(number)
+    frequency = 2 * np.pi * rng.uniform(0.05, fastest, (4, joints))
+    phase = rng.uniform(0, 2 * np.pi, (4, joints))
+    share = 0.4 * rng.uniform(0.3, 1.0, (4, joints))
     angle = frequency * t[:, None, None] + phase
     return ((share * np.sin(angle)).sum(axis=1), (share * frequency * np.cos(angle)).sum(axis=1),
             (-share * frequency ** 2 * np.sin(angle)).sum(axis=1))

@@ -150,12 +150,11 @@ def multisine(start, duration, amplitude, rng):
     return start + total * min(1.0, SPEED / peak)
 
 
-def mixed_motion(duration, rng, rests=True):
+def mixed_motion(duration, rng):
     """Return the positions of strokes at many speeds, multisines and rests, in random order.
 
     It begins with a sweep through the whole range, so that no recording leaves a part of it out.
-    The lowest speed is a fortieth of the highest. `rests`: whether the joint rests, 0.2 to 5 s,
-    between some movements.
+    The lowest speed is a fortieth of the highest. Some movements have rests of 0.2 to 5 s between.
     """
     speeds = np.geomspace(SPEED / 40.0, SPEED, 14)
     wanted = round(duration / STEP)
@@ -187,7 +186,7 @@ def mixed_motion(duration, rng, rests=True):
         if piece.size:
             pieces.append(piece)
             here = float(piece[-1])
-        if rests and rng.random() < 0.5:
+        if rng.random() < 0.5:
             pieces.append(np.full(round(_log(rng, 0.2, 5.0) / STEP), here))
     return np.concatenate(pieces)[:wanted]
 
@@ -218,7 +217,6 @@ class Excitation:
 
     duration: float = 150.0
     rate: float = 500.0
-    rests: bool = True
     load: float = 0.0
     temperature: bool = False
     recordings: int = 1
@@ -298,7 +296,7 @@ def record(drive, seed, excitation=None):
 
 
 def _one_recording(drive, rng, excitation, start):
-    position = mixed_motion(excitation.duration, rng, excitation.rests)
+    position = mixed_motion(excitation.duration, rng)
     size = len(position)
     ratio = drive.model.drive.torque_per_current
     level = 0.5 * (drive.model.sigmoid.upper - drive.model.sigmoid.lower) * ratio

@@ -76,16 +76,16 @@ def test_a_hanging_rod_weighs_what_a_hanging_rod_weighs():
         assert tree.weight([q])[0] == pytest.approx(2 * 9.81 * 0.3 * np.cos(q))
 
 
-def simulated(seed, size, text=None, **options):
+def simulated(seed, size, text=None):
     rng = np.random.default_rng(seed)
-    motion = waves(rng, size, 3, 0.01, **options)
-    return recorded(text or small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng), motion
+    return recorded(text or small_arm(MASSES), PLANE, waves(rng, size, 3, 0.01), SCALES,
+                    FRICTION, rng)
 
 
 @pytest.mark.slow
 def test_with_declared_drives_the_intervals_contain_the_true_masses(pinocchio, tmp_path):
     chain = chain_of(tmp_path, small_arm(), PLANE)
-    fit = fit_arm(chain, simulated(50, 800)[0], declared=np.array(SCALES))
+    fit = fit_arm(chain, simulated(50, 800), declared=np.array(SCALES))
     assert fit.scales == pytest.approx(SCALES, rel=0.05)
     true = chain_of(tmp_path, small_arm(MASSES), PLANE).tree
     for q in ((0, 0, 0), (0.3, 0.5, -0.4)):
@@ -105,7 +105,7 @@ def test_an_urdf_says_how_an_arm_is_mounted(pinocchio, tmp_path):
     hanging = small_arm(MASSES).replace('<robot name="small">', (
         '<robot name="small"><link name="room"/><joint name="mount" type="fixed"><parent '
         f'link="room"/><child link="base"/><origin xyz="0 0 0" rpy="0 {np.pi} 0"/></joint>'))
-    joints = simulated(9, 600, hanging)[0]
+    joints = simulated(9, 600, hanging)
     found = fit_arm(chain_of(tmp_path, hanging, PLANE), joints)
     assert (found.held_out < 0.05).all()
     assert not found.opposed
@@ -118,7 +118,7 @@ def test_an_urdf_says_how_an_arm_is_mounted(pinocchio, tmp_path):
     (lambda one: one.with_(current=np.where(one.time == one.time[10], np.nan, one.current))
      if one.joint == 'lift' else one, "'lift'.* must be finite")])
 def test_recordings_that_cannot_be_those_of_the_arm_are_refused(pinocchio, tmp_path, spoil, words):
-    joints, _ = simulated(6, 600)
+    joints = simulated(6, 600)
     with pytest.raises(InputError, match=words):
         fit_arm(chain_of(tmp_path, small_arm(), PLANE), [spoil(one) for one in joints])
 
