@@ -256,7 +256,7 @@ def test_who_edits_the_law_does_not_run_what_was_compiled_before(room):
 def test_a_push_that_nobody_announced_is_helped_from_its_first_displacement(presliding, known):
     """The more, the better presliding is known."""
     model = replace(small_model(), presliding=presliding)
-    distance = float(law_parameters(model)['distance'][0]) - COUNT
+    distance = float(law_parameters(model)['distance'][0]) - 2.0 * COUNT
     assert distance == pytest.approx(1.5 * presliding.distance if not known
                                      else presliding.distance + presliding.std)
     # After 0.4 s of rest, the way is gone within 0.06 s.

@@ -50,6 +50,8 @@ class CompensationLaw:
 
     Attributes
     ----------
+    parameters : ndarray of PARAMETERS, shape (J,)
+        What compiled code knows of the joints.
     never_applied : list of (int, str, str)
         Joint, effect and reason for every effect of the models that cannot be applied.
     missing : list of (int, str, tuple of str)
@@ -67,18 +69,13 @@ class CompensationLaw:
             raise InputError(f'gravity must be one of {", ".join(GRAVITY)}, not {gravity!r}')
         self._gravity, self._sample_time = gravity, sample_time
         self.joints = len(self.models)
-        self._parameters = np.zeros(self.joints, PARAMETERS)
+        self.parameters = np.zeros(self.joints, PARAMETERS)
         self._states = np.zeros(self.joints, STATE)
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [EffectCurrents(model, self._why_left_out) for model in self.models]
         self._carried = np.zeros(self.joints)
         self.missing: list[tuple[int, str, tuple[str, ...]]] = []
         self.retune(law, breakaway_gain, current_limit)
-
-    @property
-    def parameters(self) -> np.ndarray:
-        """The joints' parameters as compiled loops take them: PARAMETERS, (J,)."""
-        return self._parameters.copy()
 
     @property
     def terms(self) -> dict[str, np.ndarray]:
@@ -93,7 +90,7 @@ class CompensationLaw:
         """Joint, effects and reason where the limit is below what carries at the last sample."""
         return [(j, ' and '.join(self._effects[j].carrying),
                  f'needs {carried:.3g} A, more than the limit of {limit:.3g} A')
-                for j, (carried, limit) in enumerate(zip(self._carried, self._parameters['limit']))
+                for j, (carried, limit) in enumerate(zip(self._carried, self.parameters['limit']))
                 if abs(carried) > limit]
 
     @property
@@ -107,7 +104,7 @@ class CompensationLaw:
         """
         s = self._states
         return {
-            'share': self._parameters['share'].copy(),
+            'share': self.parameters['share'].copy(),
             'taken back': np.where(s['started'] == 1, 1.0 - s['trust'], 0.0),
             'samples dropped': s['dropped'].astype(int), 'in doubt': s['doubt'] > BAD_TIME,
             'beyond the end': s['beyond'] == 1}
@@ -142,7 +139,7 @@ class CompensationLaw:
         """
         position = self._row(position, 'position')
         kernel.observe_bank(
-            self._parameters, self._states, float(time), position, self._row(velocity, 'velocity'),
+            self.parameters, self._states, float(time), position, self._row(velocity, 'velocity'),
             velocity is not None, self._usable)
         direction, end = self._row(direction, 'direction'), self._row(end, 'end')
         pushed = self._row(is_pushed, 'is_pushed')
@@ -150,7 +147,7 @@ class CompensationLaw:
         forward, backward, carried = np.zeros((3, self.joints))
         self.missing = []
         for j, effects in enumerate(self._effects):
-            p, s, model = self._parameters[j], self._states[j], self.models[j]
+            p, s, model = self.parameters[j], self._states[j], self.models[j]
             if not (effects.terms and self._usable[j]) or p['law'] == NONE:
                 continue
             signals = {'temperature': _known(warmth[j]), 'load': _known(torque[j]),
@@ -162,7 +159,7 @@ class CompensationLaw:
             if model.breakaway is not None:
                 set_breakaway(p, model.breakaway, shifts)
         current = np.empty(self.joints)
-        kernel.decide_bank(self._parameters, self._states, self._usable, direction, end,
+        kernel.decide_bank(self.parameters, self._states, self._usable, direction, end,
                            pushed, forward, backward, carried, current)
         self._carried = carried
         return current
@@ -207,7 +204,7 @@ class CompensationLaw:
 
     def _take(self, joints: Iterable[int], parameters: Iterable[np.ndarray]) -> None:
         for joint, new in zip(joints, parameters):
-            self._parameters[joint] = new[0]
+            self.parameters[joint] = new[0]
             self._states[joint]['blends'] = 2.0 * TURN_TIME * self._states[joint]['started']
         self.missing = []
         self.never_applied = [

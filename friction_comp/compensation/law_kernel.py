@@ -36,6 +36,9 @@ from friction_comp.model.sigmoid import kinetic_current
 compiled_kinetic_current = njit(cache=True)(kinetic_current)
 FREE, LEADING, HELD = range(3)
 """The joint moves; z goes to the announced direction at a joint that rests; it rests."""
+RESTED, TURNED, SLOWED = range(3)
+"""A way that began at rest without help; any other; one on which help was given back, for who
+slowed down: it is not given again."""
 LONGEST_STEP = 0.1
 """s; after a longer pause, or a clock that was set, the operator is reset."""
 FILTER_TIME = 0.002
@@ -134,12 +137,12 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         s.yields = p.slip * max(1.0, abs(aim - s.z))
     else:
         s.mode = HELD
-    s.begin, s.rested = s.position, int(abs(s.z) < 0.02)
+    s.begin, s.way = s.position, RESTED if abs(s.z) < 0.02 else TURNED
     # While help decays at rest, a gear springs back.
-    s.heading = 0.0 if s.rested == 1 or aim != 0.0 else math.copysign(1.0, s.z)
+    s.heading = 0.0 if s.way == RESTED or aim != 0.0 else math.copysign(1.0, s.z)
     s.top = 0.0
     # No gear moves against its preload.
-    if s.rested == 1 or (s.position - s.farthest) * s.z > 0.0:
+    if s.way == RESTED or (s.position - s.farthest) * s.z > 0.0:
         s.farthest = s.position
 
 
@@ -151,11 +154,11 @@ def _note_way(p: Parameters, s: State) -> None:
     """
     beyond, width = s.position - s.farthest, p.distance
     if s.heading == 0.0 and s.mode != LEADING:
-        width = p.play - 0.5 * p.resolution
+        width = p.play
     if beyond * s.heading > 0.0:
         s.farthest = s.position
     elif abs(beyond) > width:
-        s.rested = s.rested if s.heading == 0.0 else 0
+        s.way = s.way if s.heading == 0.0 else TURNED
         s.heading, s.farthest, s.top = math.copysign(1.0, beyond), s.position, 0.0
         if s.mode != LEADING:
             _begin_way(s)
@@ -191,14 +194,15 @@ def _wish(p: Parameters, s: State, aim: float, free: float) -> tuple[float, floa
         return aim, 1.0 / LEAD_TIME
     weight = (max(0.0, s.speed * s.heading) + SLOW) / (TURN_SHARE * s.top + 1e-9)
     if weight < 1.0:
+        s.way = SLOWED
         wish = weight * s.heading + (1.0 - weight) * aim
         if aim * s.heading <= 0.0 and (wish - free) * s.heading <= 0.0:
             return wish, 1e6
-    elif aim * s.heading < 0.0 and s.z * s.heading < 0.0:
+    elif aim * s.heading < 0.0 and s.z * s.heading < 0.0 and s.way != SLOWED:
         # Somebody pushes against the preload: no gear yields that way.
         return 0.0, 1.0 / LEAD_TIME
-    elif aim == 0.0 and s.heading != 0.0 and (
-            s.rested == 1 or (s.position - s.begin) * s.heading > p.distance):
+    elif aim == 0.0 and s.heading != 0.0 and (s.way == RESTED or (
+            s.way == TURNED and (s.position - s.begin) * s.heading > p.distance)):
         return s.heading, 1e6
     return free, 0.0
 
@@ -209,7 +213,7 @@ def settle(s: State, position: float) -> None:
     s.position = s.driven = s.still_position = s.rest_position = s.farthest = s.begin = position
     s.half_speed = s.speed = s.z = s.element = s.still_time = s.since = s.doubt = 0.0
     s.heading = s.top = s.saved = s.aim = 0.0
-    s.mode, s.rested = FREE, 1
+    s.mode, s.way = FREE, RESTED
 
 
 @njit(cache=True)
@@ -263,12 +267,12 @@ def friction_level(p: Parameters, s: State, positive: bool, more: float) -> floa
     `more` is what effects add to sliding friction here, A.
     """
     plateau, mean = (p.upper, p.break_positive) if positive else (-p.lower, p.break_negative)
+    if s.mode != FREE:
+        return mean
     speed = abs(s.speed)
     settled = math.tanh(0.5 * p.steepness * speed)
     # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
     sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)))
-    if s.mode != FREE:
-        return mean
     near = min(sliding, mean)
     # Beyond the identified speeds friction may rise less.
     return near + (sliding + p.viscous * min(speed, p.identified) - near) * settled
@@ -300,8 +304,8 @@ def decide(p: Parameters, s: State, direction: float, end: float, is_pushed: boo
         direction = 0.0
     direction = within_movement(p, s, direction, end)
     if s.doubt > 0.0:
-        s.friction = s.friction if s.doubt <= BAD_TIME else 0.0
-        s.current = s.current if s.doubt <= BAD_TIME else 0.0
+        if s.doubt > BAD_TIME:
+            s.friction = s.current = 0.0
         return s.current
     if p.law < CONTINUOUS:
         friction = 0.0 if p.law == NONE else paper_current(p, s, direction)

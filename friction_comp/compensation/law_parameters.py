@@ -90,7 +90,7 @@ class State:
     heading: float          # of this way, -1, 0 or 1; its farthest point, rad; top speed, rad/s
     farthest: float
     top: float
-    rested: int             # whether this way began at rest without help
+    way: int                # of which kind, one of those above
     outward: float          # direction of the movement announced last, 0 once it is over
     end: float              # of that movement, rad
     beyond: int             # whether the joint has been beyond that
@@ -182,6 +182,6 @@ def _set_distances(p: np.ndarray, model: FrictionModel) -> None:
         friction, reversal = (not effect.not_fed_back and effect.dahl_friction()) or (0.0, 0.0)
         if friction > left:
             distance = max(distance, LONGER * reversal)
-    distance += count
+    distance += 2.0 * count
     p['resolution'], p['distance'], p['play'] = count, distance, STILL * distance + count
     p['slip'] = slip + 4.0 * count + (known.backlash or 0.0 if known else 0.0)
