@@ -165,10 +165,11 @@ def said() -> str:
     from friction_comp.terminal import number
 
     return rows(
-        ['recording', 'refine', 'Coulomb + viscous', 'by hand', 'block sums', 'terms', 'said',
-         'true', 'true / said', 'verdict'],
+        ['recording', 'refine', 'Coulomb + viscous', 'by hand', 'block sums', 'b020189', 'terms',
+         'said', 'true', 'true / said', 'verdict'],
         [[one['set'].replace('_', ' '), f'{number(one["error"])} {one["unit"]}',
-          *(number(one[name]) for name in ('plain', 'by_hand', 'sums')), str(one['terms']),
+          *(number(one[name]) for name in ('plain', 'by_hand', 'sums')),
+          number(one['earlier'] and one['earlier']['error']), str(one['terms']),
           number(one['said']), number(one['true']), f'{one["true"] / one["said"]:.2f}',
           one['verdict']] for one in stored('said')['rows']])
 
