@@ -59,6 +59,7 @@ RULES = {
     'trust beyond the identified speeds': (
         'HURRIED = math.radians(60.0), 0.7', 'HURRIED = math.radians(60.0), 1.0'),
     'breakaway friction at rest': ('    if s.mode != FREE:\n        return mean\n', ''),
+    'breakaway friction near rest': ('STARTS = 3.0', 'STARTS = 1e-6'),
     'a long way is helped less': ('LATE, LATE_TIME = 0.04', 'LATE, LATE_TIME = 0.0'),
     'speed is filtered': ('FILTER_TIME = 0.002', 'FILTER_TIME = 1e-6'),
     'slope limit': ('TURN_TIME = 0.02', 'TURN_TIME = 1e-9'),

@@ -45,6 +45,8 @@ FILTER_TIME = 0.002
 """s of each of the two filters that a speed goes through."""
 LATE, LATE_TIME = 0.04, 0.5
 """Share withheld of a way that has lasted for so long, s: a joint that is let go comes to rest."""
+STARTS = 3.0
+"""R from rest over which breakaway friction holds the joint; it fades over as much again."""
 FILL = 0.025
 """Share of the slid way that goes into the tank: what the share of help leaves to the gear."""
 REST_TIME = 0.15
@@ -273,7 +275,8 @@ def friction_level(p: Parameters, s: State, positive: bool, more: float) -> floa
     settled = math.tanh(0.5 * p.steepness * speed)
     # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
     sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)))
-    near = min(sliding, mean)
+    near, left = min(sliding, mean), abs(s.position - s.rest_position) / (STARTS * p.distance)
+    near += min(1.0, max(0.0, 2.0 - left)) * (mean - near)
     # Beyond the identified speeds friction may rise less.
     return near + (sliding + p.viscous * min(speed, p.identified) - near) * settled
 
