@@ -150,8 +150,8 @@ def _obstacle(pairs: int, repetitions: Sequence[Repetition], is_second: np.ndarr
     if (np.abs(change) > math.log(1.0 + ODD)).any():
         return "movements of one took longer or went farther than the other's"
     if turns < FEWEST:
-        return (f'they were recorded in turn {turns} times, and it takes {FEWEST} to tell a '
-                'difference from what else changes with time')
+        return (f'it takes {FEWEST} turns of one and the other to tell a difference from what else '
+                f'changes with time, and there are no more than {turns}')
     return ''
 
 

@@ -141,7 +141,7 @@ def _add(page: Report, evaluation: Evaluation) -> None:
     page.bullets(remarks(evaluation))
     page.figure(
         curves_figure(evaluation),
-        "Mean movement, from its begin (style of the note's Fig. 5); bands: standard deviation "
+        "Mean movement, from its beginning (style of the note's Fig. 5); bands: standard deviation "
         'over the repetitions.' + (
             ' Shaded: the person waits at the target of the movement before, which is not counted.'
             if evaluation.measured else ''))
@@ -151,8 +151,8 @@ def _add(page: Report, evaluation: Evaluation) -> None:
         [[*row, str(one.false_starts)] for row, one in zip(
             condition_rows(evaluation, names), evaluation.conditions)],
         f'Mean over the repetitions ± their standard deviation, where there are {FEWEST}, for '
-        'movements in the positive (+) and negative (−) direction. The peak is from the begin of '
-        'the movement until it slows down, or until the joint moves; delay: until the joint moves; '
+        'movements in the positive (+) and negative (−) direction. The peak is that from the '
+        'beginning until the movement slows down, or the joint moves; delay: until it moves; '
         '> where it did not always move.')
     if evaluation.comparisons:
         first = evaluation.comparisons[0]
