@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws pictures of README and docs.
 
-python3 docs/pictures.py first sources             writes docs/first.svg and docs/sources.svg
+python3 docs/pictures.py first sources said        writes docs/first.svg and so on
 python3 docs/pictures.py to_and_fro=DIR            DIR: the output of that scene of the demo
 """
 
+import json
 from pathlib import Path
 import sys
 
@@ -148,6 +149,26 @@ def sources():
     return figure
 
 
+@styled
+def said():
+    """Return the errors that refinement said and that were found, of the measured recordings."""
+    found = json.loads((ROOT / 'docs' / 'figures' / 'said.json').read_text())['rows']
+    figure, (row,) = panels(['true'], 'said, both as shares of the error of Coulomb + viscous', 3.0)
+    ends = np.array([0.02, 2.0])
+    for times in (1, 2):
+        row.plot(ends, times * ends, color='#6b7885', linewidth=0.8, linestyle='-:'[times - 1])
+        row.text(ends[1], times * ends[1], f' {times}', va='center', color='#6b7885')
+    for verdict, marker, colour in (('trust', 'o', COLOURS['known']), ('trust in part', 's', INK),
+                                    ('record again', 'x', '#c0392b')):
+        shares = np.array([[one['said'], one['true']] for one in found
+                           if one['verdict'] == verdict]) / np.array(
+                               [[one['plain']] for one in found if one['verdict'] == verdict])
+        row.plot(*shares.T, marker, color=colour, markersize=5, label=verdict)
+    row.set(xscale='log', yscale='log')
+    legend(row)
+    return figure
+
+
 def to_and_fro(folder):
     """Return the torque of a hand over the angle, with several laws, as an SVG file."""
     trials = {name: HandTrial(title, recorded(Path(folder) / 'recordings' / name))
@@ -161,6 +182,7 @@ PICTURES = {
     'first': lambda _: to_file(
         first(), 'Measured and predicted torque of examples/log.csv', DESCRIPTION),
     'sources': lambda _: to_svg(sources()),
+    'said': lambda _: to_svg(said()),
     'to_and_fro': to_and_fro}
 
 if __name__ == '__main__':
