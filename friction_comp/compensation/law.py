@@ -147,8 +147,10 @@ class CompensationLaw:
         forward, backward, carried = np.zeros((3, self.joints))
         self.missing = []
         for j, effects in enumerate(self._effects):
+            if not (effects.terms and self._usable[j]):
+                continue
             p, s, model = self.parameters[j], self._states[j], self.models[j]
-            if not (effects.terms and self._usable[j]) or p['law'] == NONE:
+            if p['law'] == NONE:
                 continue
             signals = {'temperature': _known(warmth[j]), 'load': _known(torque[j]),
                        **self._arm_signals(model, position)}
@@ -227,10 +229,12 @@ class CompensationLaw:
     def _row(self, values: ArrayLike | None, name: str) -> np.ndarray:
         """Return a value for each joint; NaN where there is none."""
         row = np.asarray(math.nan if values is None else values, dtype=float)
-        if row.ndim and row.shape != (self.joints,):
+        if not row.ndim:
+            return np.full(self.joints, row)
+        if row.shape != (self.joints,):
             raise InputError(
                 f'{name} needs {self.joints} values, one a joint, not shape {row.shape}')
-        return np.broadcast_to(row, self.joints).copy()
+        return row
 
 
 def _known(value: float) -> float | None:
