@@ -114,7 +114,7 @@ def run(name: str, argv: list[str] | None = None) -> int:
             return 128 + ended.number
         except KeyboardInterrupt:
             return 130
-    return 0
+    return 141      # 128 + SIGPIPE: its reader was gone before it was done
 
 
 def main(argv: list[str] | None = None) -> int:

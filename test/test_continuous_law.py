@@ -335,6 +335,7 @@ def test_bad_samples_pass(spoil, direction):
     ({'position_limits': (-1.0, 1.0)}, -0.3, 3e-4, 1000, 0.99 * (SHARE - LATE),
      1.01 * (SHARE - LATE)),
     ({'position_limits': (-1.0, 1.0)}, 0.8, 3e-4, 1000, 0.0, 0.0),
+    ({'position_limits': (0.2, 0.2)}, 0.0, 3e-4, 1000, 0.0, 0.0),
     # Faster than identified, unless faster motion was recorded.
     ({}, 0.0, 2.7e-3, 1000, 0.0, 0.0),
     ({'recorded': Recorded((0.5, 1.0))}, 0.0, 2.4e-3, 400, 0.0, 0.5),

@@ -57,7 +57,7 @@ class Parameters:
     play: float             # of the operator, rad; less than that is no motion
     slip: float             # more than the gear yields under the preload, rad
     identified: float       # fastest identified speed, rad/s
-    lowest: float           # position limits, rad; none if they are equal
+    lowest: float           # position limits, rad; infinite if there are none
     highest: float
 
 
@@ -145,8 +145,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     _set_distances(p, model)
     p['identified'] = max(model.largest_speed(DEFAULT_FASTEST),
                           *(model.recorded.speeds if model.recorded else ()), 0.0)
-    if model.position_limits is not None:
-        p['lowest'], p['highest'] = model.position_limits
+    p['lowest'], p['highest'] = model.position_limits or (-math.inf, math.inf)
     return p
 
 

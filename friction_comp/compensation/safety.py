@@ -68,10 +68,8 @@ def safe(p: Parameters, s: State, current: float) -> float:
     if current * s.outward > 0.0 and not math.isnan(s.end):
         room = END_MARGIN - s.outward * (s.position - s.end)
         current *= min(1.0, max(0.0, room / max(END_MARGIN, 0.5 * speed * speed / END_BRAKE)))
-    if p.highest > p.lowest:
-        room = p.highest - s.position if current > 0.0 else s.position - p.lowest
-        current *= min(1.0, max(0.0, room / SOFT_END))
-    return current
+    room = p.highest - s.position if current > 0.0 else s.position - p.lowest
+    return current * min(1.0, max(0.0, room / SOFT_END))
 
 
 @njit(cache=True)
