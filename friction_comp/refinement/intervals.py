@@ -27,9 +27,12 @@ from friction_comp.model.model_file import LINE, Recorded
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import EQ6_LINEAR, first_model, Term
 from friction_comp.refinement.search import constant_derivatives, Fit, free_constants, step_size
-from friction_comp.statistics import rms, robust_std, student_quantile
+from friction_comp.statistics import rms, robust_std
 
 _DRAWS = 200
+# Half an interval over the standard deviation: Student's with a degree of freedom less than
+# `REGIMES`. `scipy.special`, which computes it, takes as long to import as this whole module runs.
+_QUANTILE = 2.1314
 # Change of the lag, s, over which intervals take its effect, and factor on how far such columns
 # move a fit: being linear, they fall a little short.
 _LAG_STEP, _BEYOND = 0.01, 1.25
@@ -51,14 +54,13 @@ class Intervals:
     coefficients: dict[int, tuple[float, float]]
     constants: dict[tuple[Term, str], tuple[float, float]]
     draws: np.ndarray  # (D, P), both together
-    quantile: float  # half an interval over the standard deviation of the draws
     # How far what is `_unsettled` moves each coefficient.
     moved: np.ndarray
 
     def half_width(self, weights: np.ndarray) -> float:
         """Return half the interval of a weighted sum of coefficients, with a weight by column."""
         sums = self.draws[:, :len(self.coefficients)] @ weights[list(self.coefficients)]
-        return self.quantile * float(robust_std(sums - np.median(sums)))
+        return _QUANTILE * float(robust_std(sums - np.median(sums)))
 
     def ends(self, weights: np.ndarray) -> tuple[float, float]:
         """Return how far below and above a weighted sum of coefficients its interval ends."""
@@ -104,9 +106,8 @@ def intervals(fit: Fit) -> Intervals:
     # A change of a constant that the term's own columns can express is one of their coefficients.
     for fits in (draws, fitted):
         fits[:, :len(indices)] -= fits[:, len(indices):][:, :len(free)] @ own[:, indices]
-    quantile = float(student_quantile(count - 1))
     # By the median: draws that lack a direction of motion give outlying fits.
-    half_widths = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
+    half_widths = _QUANTILE * robust_std(draws - np.median(draws, axis=0), axis=0)
     # About the fit of the terms alone; the derivatives of Eq. 6 have no part in that.
     alone = {**dict(zip(indices, fitted[0])), **table.coefficients(terms)}
     middle = np.concatenate((list(alone.values()), np.zeros(len(free))))
@@ -120,8 +121,7 @@ def intervals(fit: Fit) -> Intervals:
         term = terms[index]
         low, high = term.constants[name] + steps * step_size(term, name, table.rows.coverage)
         constants[term, name] = float(low), float(high)
-    return Intervals(coefficients, constants, draws[:, :len(middle)], quantile,
-                     moved[:len(indices)])
+    return Intervals(coefficients, constants, draws[:, :len(middle)], moved[:len(indices)])
 
 
 def recorded_of(fit: Fit, bounds: Intervals, model: FrictionModel) -> Recorded:
