@@ -125,8 +125,8 @@ def test_a_target_has_the_unit_of_what_it_is_the_target_of():
     (['q', 'tau'], None, '--rate HZ'),
     (['t', 'target_position', 'q'], None, '--stiffness and --damping'),
     (['t', 'q', 'tau_cmd'], None, 'a command only if the drive is known to follow it'),
-    (['tiempo', 'giro', 'par'], None, 'which columns are the time, the position, the effort or '
-     'current? Name them with --columns time=NAME,position=NAME,effort=NAME'),
+    (['tiempo', 'giro', 'par'], None, 'which column is the time, the position, the effort or '
+     'current? Name it with --columns time=NAME,position=NAME,effort=NAME'),
     (['t', 'angle [deg]', 'angle [rad]', 'tau'], Layout({'position': 'angle'}), 'no column'),
     (['t', 'motor_pos', 'joint_pos', 'tau'], None, "which column is the position, 'motor_pos' or "
      "'joint_pos'? Name it with --columns position=motor_pos"),
@@ -138,6 +138,13 @@ def test_what_is_not_clear_is_asked_with_the_remedy(names, layout, said):
     with pytest.raises(InputError) as error:
         assign(names, layout, 'log')
     assert said in str(error.value)
+
+
+def test_what_nothing_depends_on_is_not_asked_and_may_be_declared_absent():
+    names = ['t', 'q', 'dq', 'tau', 'tau_ext', 'motor temp [C]', 'rotor temp [C]']
+    use = assign(names, Layout({'velocity': '', 'load': ''}), 'log')
+    assert {c.signal for c in use.columns} == {'time', 'position', 'effort'}
+    assert any('--columns temperature=motor temp [C]' in note for note in use.notes)
 
 
 def test_a_name_may_be_given_without_its_unit():
@@ -179,7 +186,7 @@ def test_numbered_columns_are_the_joints_of_a_urdf_in_order():
 
 
 @pytest.mark.parametrize(('arguments', 'said'), [
-    (['--columns', 'time'], 'SIGNAL=NAME'), (['--columns', 'when=t'], "no signal 'when'"),
+    (['--columns', 'time'], 'SIGNAL=COLUMN'), (['--columns', 'when=t'], "no signal 'when'"),
     (['--columns', 'time=when'], "no column 'when'"),
     (['--unit', 'position=furlong'], 'rad, mrad, deg'),
     (['--unit', 'effort=furlong'], 'N, kN, lbf, A, mA'), (['--unit', 'current=%'], 'A, mA'),

@@ -175,6 +175,8 @@ def text(line):
      "column 'time' holds no time"),
     ('log.csv', lambda path, t, q: write(path, time=t, q=q, tau=np.round(30.0 * q)),
      "column 'tau' holds whole numbers: give its unit, --unit effort=2.69mA"),
+    ('log.csv', lambda path, t, q: write(path, time=t, q=np.round(99 * q), tau=np.round(30 * q)),
+     "deg, turn or rad; column 'tau' holds whole numbers"),
     ('log.csv', lambda path, t, q: write(
         path, time=t, q=np.round(q / TURN * 2 ** 14) / 2 ** 14, tau=q),
      'give its unit, --unit position=counts/4096'),
@@ -214,6 +216,14 @@ def test_files_with_a_signal_each_are_joined_by_a_plus(tmp_path, late):
     np.testing.assert_allclose(samples.position, 0.4 * np.sin(2.0 * (at + late)), atol=2e-4)
     np.testing.assert_allclose(samples.current, 0.8 * np.cos(2.0 * at), atol=1e-4)
     assert len(samples) > 298
+
+
+def test_joined_files_keep_the_names_of_their_columns_in_order(tmp_path):
+    time, own = 0.01 * np.arange(300), np.ones(300)
+    write(tmp_path / 'q.csv', time=time, hip=own, knee=own, toe=own)
+    write(tmp_path / 'tau.csv', time=time + 0.003, toe=own, hip=own)
+    assert Table(Path(f'{tmp_path / "q.csv"}+{tmp_path / "tau.csv"}')).names == [
+        'time', 'q_hip', 'q_knee', 'q_toe', 'tau_toe', 'tau_hip']
 
 
 def test_rows_that_hold_a_value_each_are_one_recording(tmp_path):
@@ -274,7 +284,9 @@ def test_times_that_cannot_be_seconds_are_asked(tmp_path, refuses, per_second, u
 def test_a_wrong_rate_is_told_with_the_true_one(tmp_path, refuses):
     _, position, velocity = swing(6000, 0.005)
     path = write(tmp_path / 'log.csv', q=position, dq=velocity, tau=velocity)
-    refuses('a rate that is really 0.25 times the one given', 'refine', path, '--rate', '800')
+    refuses('the rate is really 0.25 times the one given', 'refine', path, '--rate', '800')
+    samples, = read_recording(path, layout=Layout({'velocity': ''}, rate=800.0))
+    assert samples.velocity is None
 
 
 def test_rows_without_a_number_are_left_out_and_warn_of_nothing(tmp_path):

@@ -39,7 +39,7 @@ _VELOCITY_UNITS = {
     0.5 / math.pi: 'velocity is in turns per second, not rad/s',
     1000.0: 'velocity is in mrad/s, position in 1000 rad or time in ms',
     math.radians(1.0): 'position is in degrees, not rad',
-    2.0 * math.pi: 'position is in turns, not rad',
+    2.0 * math.pi: 'position is in turns, not rad, or velocity that before a gear of 6',
     0.001: 'position is in mrad, or velocity in 1000 rad/s',
 }
 
@@ -261,8 +261,8 @@ def agreement_of(ratios: np.ndarray) -> Agreement:
     if not cause and count >= 10 and np.mean(
             np.abs(ratios / ratio - 1.0) < UNIT_TOLERANCE) > 0.5:
         # Noise and delays scatter; a constant factor everywhere is that of a unit or of the time.
-        cause = ('in all of the motion: they differ in unit, or the time is off by this factor '
-                 f'(its unit, or a rate that is really {abs(ratio):.3g} times the one given)')
+        cause = ('in all of the motion: they differ in unit, one is before a gear, or the rate is '
+                 f'really {abs(ratio):.3g} times the one given')
     sign = ', and one has the wrong sign' if ratio < 0.0 else ''
     return Agreement(ratio, count, text + (
         cause or 'they differ in unit, or one of them is wrong') + sign, cause or sign)

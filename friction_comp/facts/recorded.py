@@ -70,12 +70,6 @@ def not_in_seconds(time: np.ndarray, factor: float = 1.0, stated: bool = False) 
 
 # Samples.
 
-def _moves(position: np.ndarray) -> bool:
-    """Return whether a joint moved by more than 0.01 rad or m; positions, (N,), may be NaN."""
-    position = position[np.isfinite(position)]
-    return len(position) > 0 and bool(np.ptp(position) > 0.01)
-
-
 def usable(position: np.ndarray, current: np.ndarray, velocity: np.ndarray | None
            ) -> tuple[np.ndarray, np.ndarray | None]:
     """Return which rows, (N,), are finite, and the velocity: None if it is mostly missing."""
@@ -110,7 +104,11 @@ def checked(samples: Samples, notes: list[str], where: object, others: Iterable[
     if not fault and velocity is not None and velocity.any():
         agreement = velocity_agreement(samples.time, samples.position, velocity)
         fault = agreement.cause and agreement.fault + (
-            ' (--unit says it, such as velocity=deg/s, velocity=turn/s or position=turn)')
-    if fault := fault or wrong_sign(samples, not any(map(_moves, others))):
+            f' (--unit says it, such as position=turn or velocity={1.0 / agreement.ratio:.4g}rad/s;'
+            ' --columns velocity= computes it from the position)')
+    # Less than 0.01 rad or m is no motion.
+    alone = not any(np.ptp(own[np.isfinite(own)]) > 0.01 for own in others
+                    if np.isfinite(own).any())
+    if fault := fault or wrong_sign(samples, alone):
         raise InputError(f'{where}: ' + f'joint {samples.joint!r}: ' * bool(samples.joint) + fault)
     return samples, rows

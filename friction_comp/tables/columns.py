@@ -133,7 +133,6 @@ STATES = ('position', 'velocity', 'effort')
 # Signals whose unit a signal takes if none is given for it.
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
-_MOST_NAMES = 200    # columns that a message lists
 # What a word of a name says: a quantity; 'none' of the signals, though another word may be that of
 # one; where it is from; or nothing, except next to a number, as in joint_1. A torque from 'outside'
 # is applied, one 'behind' is measured behind the gear.
@@ -302,7 +301,7 @@ class Layout:
     columns : dict of str to str
         Signal to column; signals are time, position, velocity, effort, current, command,
         direction, load, link_torque, temperature, reference_position and reference_velocity.
-        Columns of other signals are found by their names.
+        Columns of other signals are found by their names; ``''`` is no column.
     units : dict of str to str
         Signal to unit, such as ``{'position': 'deg', 'time': 'ms'}``; ``counts/4096`` means encoder
         counts, 4096 per turn, and ``2.69mA`` that one count is 2.69 mA. The default is SI units.
@@ -357,7 +356,7 @@ class Layout:
         """
         columns = {}
         for signal, name in self.columns.items():
-            alike = [one for one in names if one == name] or [
+            alike = [one for one in ('', *names) if one == name] or [
                 one for one in names
                 if _BRACKET.sub('', one).strip().casefold() == name.strip().casefold()]
             if len(alike) != 1:
@@ -429,13 +428,16 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     names = [name for name in names if name]
     layout = (layout or Layout()).naming(names, where)
     columns, own = _columns(names, layout, where, plan)
-    used = _of_joints(columns, own, where)
-    if one := next((column for column in used if column.rival), None):
-        raise InputError(f'{where}: which column is the {one.signal}, {one.name!r} or '
-                         f'{one.rival!r}? Name it with --columns {one.signal}={one.name}')
-    signals = {column.signal for column in used}
+    used, unclear = _of_joints(columns, own, where), list[str]()
     needed = {'time': not layout.rate, 'position': True, 'effort': not (layout.stiffness or plan),
               'reference_position': bool(layout.stiffness)}
+    for one in [column for column in used if column.rival]:
+        unclear += [f'which column is the {one.signal}, {one.name!r} or {one.rival!r}? Name it '
+                    f'with --columns {one.signal}={one.name}']
+        if needed.get(one.signal):
+            raise InputError(f'{where}: {unclear[-1]}')
+        used.remove(one)    # nothing depends on it
+    signals = {column.signal for column in used}
     if missing := [signal for signal, wanted in needed.items() if wanted and signal not in signals]:
         raise InputError(f'{where}: {_missing(missing, names, layout, signals)}')
     in_ampere = {c.dimension == 'current' for c in used if c.signal == 'effort'}
@@ -446,7 +448,7 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     used = [c for c in used if c.signal != 'command' or c.dimension == 'current'
             or in_ampere != {True}]
     used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
-    named = layout.columns.keys() - {'time'}
+    named = {signal for signal, name in layout.columns.items() if name} - {'time'}
     joints = {c.key: c.joint if c.key else '' for c in used if c.signal == 'position'}
     if len(joints) == 1:
         joints = {key: joint if joint and not named else layout.joint
@@ -458,19 +460,21 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     if any(c.dimension == 'force' and c.stated for c in used if c.signal == 'effort'):
         used = [replace(c, dimension='length', unit='m') if c.signal == 'position'
                 and not c.stated else c for c in used]
-    return Assignment(used, layout, _notes(used, layout),
+    return Assignment(used, layout, unclear + _notes(used, layout),
                       joints.get(own, '') if named and len(joints) > 1 else None)
 
 
 def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = False
              ) -> tuple[list[Column], tuple[str, ...]]:
     """Return the best column for each signal of each joint, and the joint of the user's columns."""
-    told = {name: _named(signal, name, layout, where) for signal, name in layout.columns.items()}
+    told = {name: _named(signal, name, layout, where)
+            for signal, name in layout.columns.items() if name}
+    none = {_kind(signal) for signal, name in layout.columns.items() if not name}
     # Without their numbers, the columns of sibling joints have one name.
     alike = {_pattern(name): signal for name, signal in told.items()
              if signal != 'time' and name != _pattern(name).strip('#') != ''}
     first = next((layout.columns[signal] for signal in ('position', 'effort', 'current', 'velocity')
-                  if signal in layout.columns), '')
+                  if layout.columns.get(signal)), '')
     # Where the user's columns have a number, it is the joint's.
     numbered = bool(re.search(r'\d', first))
     own, kinds = _key(first, numbered), {*map(_kind, told.values())}
@@ -483,7 +487,7 @@ def _columns(names: Sequence[str], layout: Layout, where: object, plan: bool = F
             signal=signal.removeprefix('reference_') if plan else signal, key=key,
             joint='_'.join(key) if numbered and sibling else reading.joint)
         kind = _kind(reading.signal)
-        if not kind or (name not in told and kind in kinds and key in (own, ())):
+        if kind in {'', *none} or (name not in told and kind in kinds and key in (own, ())):
             continue
         column = _column(name, reading, layout)
         if column is None:
@@ -606,8 +610,7 @@ def _missing(missing: Sequence[str], names: Sequence[str], layout: Layout, signa
         ', a command only if the drive is known to follow it' if 'command' in signals else '')}
     said = ', the '.join('effort or current' if one == 'effort' else one.replace('_', ' ')
                          for one in missing)
-    verb, them = ('s are', 'them') if len(missing) > 1 else (' is', 'it')
-    return (f'which column{verb} the {said}? Name {them} with --columns '
+    return (f'which column is the {said}? Name it with --columns '
             f'{",".join(f"{one}=NAME" for one in missing)}'
             f'{"".join(hints.get(one, "") for one in missing)}; there are {_listed(names)}'
             + '; files with a signal each are joined by a plus: q.csv+tau.csv' * (len(names) < 3))
@@ -627,7 +630,7 @@ def unit_to_give(signal: str) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ', '.join(map(repr, names[:_MOST_NAMES])) + ' …' * (len(names) > _MOST_NAMES)
+    return ', '.join(map(repr, names[:200])) + ' …' * bool(names[200:])
 
 
 def _notes(used: Sequence[Column], layout: Layout) -> list[str]:

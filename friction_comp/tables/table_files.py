@@ -376,8 +376,8 @@ def _joined(parts: Sequence[Path]) -> Columns:
         columns = table.read(table.names)
         own = [name for name in columns if not read_name(name).signal]
         stem = part.name.split('.')[0]
-        tables.append({(f'{stem}_{own.index(name) + 1}' if len(own) > 1 else stem)
-                       if name in own else name: values for name, values in columns.items()})
+        tables.append({name if name not in own else f'{stem}_{name}' if len(own) > 1 else stem:
+                       values for name, values in columns.items()})
     clocks = [next((name for name in table if read_name(name).signal == 'time'), '')
               for table in tables]
     times = [table[clock] for table, clock in zip(tables, clocks) if clock]
@@ -387,7 +387,7 @@ def _joined(parts: Sequence[Path]) -> Columns:
     order = np.argsort(every, kind='stable')
     for columns, clock in zip(tables, clocks):
         rows = slice(begin, begin := begin + len(columns[clock]))
-        for name in columns.keys() - {clock}:
+        for name in [own for own in columns if own != clock]:
             whole[name] = np.full(len(every), np.nan)
             whole[name][rows] = columns[name]
     return {name: values[order] for name, values in {clocks[0]: every, **whole}.items()}

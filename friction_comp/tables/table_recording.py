@@ -15,11 +15,10 @@ from friction_comp.facts.motion import at_times, not_in_radians, whole_numbers
 from friction_comp.facts.recorded import checked, not_in_seconds, usable
 from friction_comp.samples import JointStates, RecordingInfo, Samples
 from friction_comp.statistics import gap_length
-from friction_comp.tables.columns import assign, Assignment, Layout, STATES, unit_to_give
+from friction_comp.tables.columns import assign, Assignment, Layout, SIGNALS, STATES, unit_to_give
 from friction_comp.tables.table_files import Columns, is_table, parts_of, Table
 
-_SIGNALS = ('position', 'velocity', 'effort', 'command', 'direction', 'load', 'temperature',
-            'reference_position', 'reference_velocity')
+_SIGNALS = [name for name in SIGNALS if name not in ('time', 'current', 'link_torque')]
 _HELD = ('command', 'direction')    # signals that hold their value until the next
 
 
@@ -135,17 +134,18 @@ class TableRecording:
         if not size:
             raise InputError(f'{self.path}: has no row below its header')
         time = np.arange(size) / layout.rate if layout.rate else _times(use, columns, self.path)
-        # What tells that values without a unit are not in SI units.
+        # What tells that values without a unit are not in SI units, once for each signal.
+        asked: dict[str, str] = {}
         for column in [one for one in use.columns if one.signal in STATES and not one.stated]:
             fault_of = not_in_radians if column.signal == 'position' else whole_numbers
             if fault := fault_of(columns[column.name]):
-                said = (f'column {column.name!r} {fault}: give its unit, '
-                        f'--unit {unit_to_give(column.signal)}')
-                if column.signal != 'velocity':
-                    raise InputError(f'{self.path}: {said}')
-                # It can be computed from the position.
-                use.columns.remove(column)
-                use.notes.append(f'{said}; it is not used')
+                asked.setdefault(column.signal, f'column {column.name!r} {fault}: give its unit, '
+                                 f'--unit {unit_to_give(column.signal)}')
+                if column.signal == 'velocity':
+                    use.columns.remove(column)     # it is computed from the position
+        use.notes += [f'{asked.pop("velocity")}; it is not used'] if 'velocity' in asked else []
+        if asked:
+            raise InputError(f'{self.path}: {"; ".join(asked.values())}')
         columns, time = _in_order(columns, time, use.notes)
         self._columns, self._time = _whole_rows(columns, time, use)
 

@@ -131,9 +131,8 @@ def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) 
 
 def layout_of(arguments: Namespace) -> Layout:
     """Return the layout of a table according to the arguments that describe it."""
-    columns = read_pairs(arguments.columns, '--columns') if arguments.columns else {}
-    units = read_pairs(arguments.unit, '--unit', 'SIGNAL=UNIT, for instance time=ms,position=deg'
-                       ) if arguments.unit else {}
+    columns, units = (_pairs(arguments, name, example) for name, example in (
+        ('columns', 'time=t,position=q_2'), ('unit', 'time=ms,position=deg')))
     if arguments.damping and not arguments.stiffness:
         raise InputError('--damping goes with --stiffness, the other gain of the controller')
     try:
@@ -143,16 +142,16 @@ def layout_of(arguments: Namespace) -> Layout:
         raise InputError(f'--columns or --unit: {error}') from None
 
 
-def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time=t,position=q_2'
-               ) -> dict[str, str]:
-    """Parse ``a=b,c=d`` into a dictionary; InputError, which says the form, if it is invalid."""
+def _pairs(arguments: Namespace, what: str, example: str) -> dict[str, str]:
+    """Parse ``a=b,c=d`` into a dictionary; InputError, with an example, if it is invalid."""
     pairs: dict[str, str] = {}
-    for part in text.split(','):
+    for part in filter(None, (getattr(arguments, what) or '').split(',')):
         name, sign, value = (piece.strip() for piece in part.partition('='))
-        if not (name and sign and value):
-            raise InputError(f'{what}: {part.strip()!r} is not of the form {form}')
+        if not (name and sign and (value or what == 'columns')):
+            raise InputError(f'--{what}: {part.strip()!r} is not of the form '
+                             f'SIGNAL={what.upper().rstrip("S")}, for instance {example}')
         if name in pairs:
-            raise InputError(f'{what}: names {name} twice')
+            raise InputError(f'--{what}: names {name} twice')
         pairs[name] = value
     return pairs
 
