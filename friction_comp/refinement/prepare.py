@@ -33,7 +33,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums, held_out_error, regimes_of
 from friction_comp.samples import Samples
-from friction_comp.statistics import evenly_spread, rms, smallest_step, top_speed
+from friction_comp.statistics import evenly_spread, rms, top_speed
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 # The same for measured signals: a thermometer is slow.
@@ -80,24 +80,20 @@ def candidate_settings(samples: Samples, velocity: np.ndarray | None,
 
 
 def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
-    """Return the differentiation settings to compare, at which motion is not a sensor's steps.
+    """Return the differentiation settings to compare, at which motion is not an encoder's steps.
 
-    A controller that responds to the steps makes them predict the current at wider bandwidths; and
-    at constant speeds, a velocity in whole counts does not change, as it does in other motion.
+    A controller that responds to the steps makes them predict the current at wider bandwidths.
     """
     choices = candidate_settings(samples, samples.velocity)
     piece = samples.take(np.arange(min(len(samples), _COUNTED)))
-    random = np.random.default_rng(0).random(len(piece))
-    steps = {'position': piece.with_(position=samples.position_step * random)}
-    if samples.velocity is not None:
-        steps['velocity'] = piece.with_(velocity=smallest_step(samples.velocity) * random)
+    steps = piece.with_(position=samples.position_step * np.random.default_rng(0).random(len(piece)))
 
     def acceleration(of: Samples, choice: dict[str, Any]) -> float:
         return rms(np.asarray(differentiate(of, choice).acceleration))
-    # The narrowest of the positions shows the motion.
+    # The narrowest filter shows the motion.
     most = thresholds.ENCODER_STEPS * acceleration(samples, choices[0])
-    return [choice for choice in choices if choice is choices[0]
-            or acceleration(steps[choice['source']], choice) <= most]
+    return [choice for choice in choices if choice is choices[0] or choice['source'] == 'velocity'
+            or acceleration(steps, choice) <= most]
 
 
 def standstill_speed(samples: Samples) -> float:
