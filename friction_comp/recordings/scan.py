@@ -5,9 +5,6 @@
 A file, mcap or sqlite3, is read up to its end, or to the first part that is damaged or missing, and
 a note says so. Libraries give records; they refuse a file whose end is missing, which the recorder
 of a robot that lost its power leaves behind.
-
-Messages of a topic mostly have one layout: the same names and lengths, and numbers at the same
-places. It is found once, and the numbers of all that share it are taken at once.
 """
 
 from __future__ import annotations
@@ -16,6 +13,7 @@ from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 import io
 import math
 from mmap import ACCESS_READ, mmap
@@ -23,7 +21,7 @@ from pathlib import Path, PurePath
 import re
 import sqlite3
 import struct
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import quote
 
 from mcap import records
@@ -31,11 +29,13 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.stream_reader import get_chunk_data_stream
 import numpy as np
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+from rosbags.typesys.store import Typestore
 import zstandard
 
 from friction_comp.errors import InputError, one_line, os_errors_name
 from friction_comp.files import check_input, check_unpacked, open_input, read_yaml, unpacked_file
-from friction_comp.messages import NANO, TOPICS, TORQUE_UNIT
+from friction_comp.messages import NANO, nanoseconds, TOPICS, TORQUE_UNIT
 from friction_comp.recordings import BAGS, METADATA
 from friction_comp.tables.columns import STATES
 
@@ -131,14 +131,6 @@ def _read_sqlite(scan: Scan, file: Path) -> _Messages:
 _READERS = {'.mcap': _read_mcap, '.db3': _read_sqlite}
 
 
-def unpack(payload: bytes) -> bytes:
-    """Return a message, decompressed if rosbag2 compressed it and it is not damaged."""
-    if payload[:4] == _ZSTD:
-        with suppress(zstandard.ZstdError):
-            return zstandard.ZstdDecompressor().stream_reader(payload).read(_LARGEST_MESSAGE)
-    return payload
-
-
 # Messages.
 
 _DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
@@ -151,97 +143,51 @@ _INTERFACES = {'position': 0, 'velocity': 1, 'effort': 2, 'torque': 2, 'current'
 _EFFORT, _CURRENT, _TEMPERATURE = 2, 3, 4
 # Message type of each signal that is read.
 _TYPES = {**TOPICS, _DYNAMIC: 'control_msgs/msg/DynamicJointState'}
-# Their fields: numbers by their size, in bytes, texts as '', and lists of what is in the brackets.
-_STAMP = 4, 4
-_LABELS = [('', 4, 4)]
-_FORMS: dict[str, Any] = {
-    'sensor_msgs/msg/JointState': (_STAMP, '', [''], [8], [8], [8]),
-    'control_msgs/msg/DynamicJointState': (_STAMP, '', [''], [([''], [8])]),
-    'geometry_msgs/msg/WrenchStamped': (_STAMP, '', (8, 8, 8, 8, 8, 8)),
-    'sensor_msgs/msg/Temperature': (_STAMP, '', (8, 8)),
-    'std_msgs/msg/Float64MultiArray': (_LABELS, 4, [8]),
-    'std_msgs/msg/Int8MultiArray': (_LABELS, 4, [1]),
-    _DIAGNOSTICS: (_STAMP, '', [(1, '', '', '', [('', '')])])}
-# Place of the number that is read, of messages with a frame: the torque about z, the temperature.
-_OF_FRAMES = {'interaction_wrench': 5, 'motor_temperature': 0}
+# Those that are not among the types of ROS itself.
+_OTHERS = {'control_msgs/msg/InterfaceValue': 'string[] interface_names\nfloat64[] values',
+           _TYPES[_DYNAMIC]: 'std_msgs/Header header\nstring[] joint_names\n'
+           'InterfaceValue[] interface_values'}
 # Most joints, or values of a joint, in one message: a corrupt one could fill the memory.
 _MOST_NAMES = 200
 # Messages that are turned into arrays at once, and most numbers of one topic that are kept.
 _BATCH, _MOST = 1_000, 50_000_000
 
 
-class _Cdr:
-    """Reads along a message in the serialisation of DDS, and keeps where its layout stands."""
-
-    def __init__(self, raw: bytes) -> None:
-        self.raw, self.at = raw, 4
-        self.order = '<' if raw[1] & 1 else '>'
-        # Places of the bytes that say what the others mean: counts, and texts one by one.
-        self.counts, self.texts = [range(4)], list[range]()
-
-    def read(self, form: Any) -> Any:
-        """Return what stands next: texts, and places of numbers; ValueError without them."""
-        if isinstance(form, tuple):
-            return [self.read(one) for one in form]
-        if isinstance(form, list):
-            return [self.read(form[0]) for _ in range(self._count())]
-        if form == '':
-            self.texts.append(range(place := self._next(1, self._count()), self.at))
-            return self.raw[place:self.at - 1].decode()
-        return self._next(form)
-
-    def _next(self, size: int, count: int = 1) -> int:
-        begin = self.at + (4 - self.at) % size
-        self.at = begin + size * count
-        if self.at > len(self.raw):
-            raise ValueError
-        return begin
-
-    def _count(self) -> int:
-        begin = self._next(4)
-        self.counts.append(range(begin, self.at))
-        return int(struct.unpack_from(f'{self.order}I', self.raw, begin)[0])
+@cache
+def _types() -> Typestore:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for kind, definition in _OTHERS.items():
+        store.register(get_types_from_msg(definition, kind))
+    return store
 
 
-class _Layout(NamedTuple):
-    """What the bytes of a message mean."""
+def _message(payload: bytes, kind: str) -> Any:
+    """Return a message, decompressed if rosbag2 compressed it and it is not damaged."""
+    if payload[:4] == _ZSTD:
+        with suppress(zstandard.ZstdError):
+            payload = zstandard.ZstdDecompressor().stream_reader(payload).read(_LARGEST_MESSAGE)
+    return _types().deserialize_cdr(payload, kind)
 
-    numbers: list[tuple[str, int, int]]     # joint or frame, column, and place
-    stamped: bool
-    dtype: np.dtype     # of the whole message: its numbers in this order, and its stamp
-    fixed: np.ndarray   # places of the bytes that all messages of this layout share
 
-
-def _layout(raw: bytes, signal: str) -> _Layout:
-    """Return the layout of a message; raises an error if it makes no sense."""
-    cdr, stamp, kind = _Cdr(raw), dict[str, tuple[str, int]](), 'f8'
-    read = cdr.read(_FORMS[_TYPES[signal]])
+def _numbers(message: Any, signal: str) -> Iterable[tuple[str, int, float]]:
+    """Return joint or frame, column and value of each number of a message."""
     if signal in ('current_command', 'direction'):
-        labels, _, places = read
-        # The first label is the stamp of the state that is answered, another one in each message.
-        del cdr.texts[:1]
-        kind = 'i1' if signal == 'direction' else 'f8'
-        unit = TORQUE_UNIT * ([label for label, *_ in labels[1:2]] == [TORQUE_UNIT])
-        found = [(f'{unit}{k}', 0, at) for k, at in enumerate(places)]
-    else:
-        (second, nanosecond), frame, *rest = read
-        stamp = {'sec': ('i4', second), 'nanosec': ('u4', nanosecond)}
-        if signal in _OF_FRAMES:
-            found = [(frame, 0, rest[0][_OF_FRAMES[signal]])]
-        elif signal == _DYNAMIC:
-            found = [(joint, _INTERFACES[name], at) for joint, own in zip(*rest)
-                     for name, at in zip(*own) if name in _INTERFACES]
-        else:
-            # A single joint may have no name.
-            found = [(joint, column, at) for column, places in enumerate(rest[1:])
-                     for joint, at in zip(rest[0] or [''], places)]
-    if len({name for name, _, _ in found}) > _MOST_NAMES or len(raw) - cdr.at > 3:
-        raise ValueError
-    fields = {**{str(k): (kind, at) for k, (_, _, at) in enumerate(found)}, **stamp}
-    return _Layout(found, bool(stamp), np.dtype({
-        'names': [*fields], 'formats': [cdr.order + form for form, _ in fields.values()],
-        'offsets': [at for _, at in fields.values()], 'itemsize': len(raw)}),
-        np.fromiter((at for places in (*cdr.counts, *cdr.texts) for at in places), int))
+        unit = TORQUE_UNIT * ([one.label for one in message.layout.dim[1:2]] == [TORQUE_UNIT])
+        return ((f'{unit}{k}', 0, value) for k, value in enumerate(message.data.tolist()))
+    if signal == 'interaction_wrench':
+        return [(message.header.frame_id, 0, message.wrench.torque.z)]
+    if signal == 'motor_temperature':
+        return [(message.header.frame_id, 0, message.temperature)]
+    if signal == _DYNAMIC:
+        return ((joint, _INTERFACES[name], value)
+                for joint, own in zip(message.joint_names, message.interface_values)
+                for name, value in zip(own.interface_names, own.values.tolist())
+                if name in _INTERFACES)
+    # A single joint may have no name.
+    names = message.name or ['']
+    return ((joint, column, value)
+            for column, own in enumerate((message.position, message.velocity, message.effort))
+            for joint, value in zip(names, own.tolist()))
 
 
 @dataclass
@@ -280,32 +226,24 @@ class _Reader:
 
     def decode(self) -> None:
         """Turn the messages that wait into arrays, and release them."""
-        times, messages = zip(*self._waiting) if self._waiting else ((), ())
-        receive, stamp = np.array(times, dtype=np.int64), np.zeros(len(times), dtype=np.int64)
-        raws, values = [*map(unpack, messages)], dict[str, np.ndarray]()
-        sizes, left = np.array([*map(len, raws)]), np.ones(len(raws), dtype=bool)
-        good = np.zeros(len(raws), dtype=bool)
-        while left.any():
-            first = int(np.argmax(left))
-            left[first] = False
-            try:
-                layout = _layout(raws[first], self.signal)
+        count, values = len(self._waiting), dict[str, np.ndarray]()
+        receive = np.array([time for time, _ in self._waiting], dtype=np.int64)
+        stamp, good = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
+        for k, (_, raw) in enumerate(self._waiting):
             # A broken message may raise anything.
-            except Exception:
-                continue
-            rows = np.array([first, *np.flatnonzero(left & (sizes == sizes[first]))])
-            data = b''.join([raws[k] for k in rows])
-            fixed = np.frombuffer(data, np.uint8).reshape(len(rows), -1)[:, layout.fixed]
-            own = (fixed == fixed[0]).all(axis=1)
-            rows, numbers = rows[own], np.frombuffer(data, layout.dtype)[own]
-            left[rows], good[rows] = False, True
-            if layout.stamped:
-                stamp[rows] = numbers['sec'].astype(np.int64) * NANO + numbers['nanosec']
-            for k, (name, column, _) in enumerate(layout.numbers):
-                if name not in values:
-                    values[name] = np.full((len(raws), self.width), np.nan)
-                values[name][rows, column] = numbers[str(k)]
-        self.numbers += self.width * len(raws) * len(values)
+            with suppress(Exception):
+                message = _message(raw, _TYPES[self.signal])
+                numbers = list(_numbers(message, self.signal))
+                if len(numbers) > _MOST_NAMES * self.width:
+                    continue
+                for name, column, value in numbers:
+                    if name not in values:
+                        values[name] = np.full((count, self.width), np.nan)
+                    values[name][k, column] = value
+                if header := getattr(message, 'header', None):
+                    stamp[k] = nanoseconds(header.stamp)
+                good[k] = True
+        self.numbers += self.width * count * len(values)
         self.broken += int(np.count_nonzero(~good))
         self._parts.append((receive[good], stamp[good], {
             name: rows[good] for name, rows in values.items()}))
@@ -354,8 +292,10 @@ class Activity:
 
 def _take_report(changes: list[Activity], time: int, raw: bytes) -> None:
     """Add to the `changes` of activity what a DiagnosticArray says; `time` of receipt in ns."""
-    for _, name, _, hardware, entries in _Cdr(raw).read(_FORMS[_DIAGNOSTICS])[2]:
-        values, last = dict(entries), changes[-1] if changes else None
+    for status in _message(raw, _DIAGNOSTICS).status:
+        name, hardware = status.name, status.hardware_id
+        values = {one.key: one.value for one in status.values}
+        last = changes[-1] if changes else None
         if 'identification' in name:
             # The node reports a phase only while it moves a joint.
             state = 'identification' if 'phase' in values else ''
@@ -394,7 +334,7 @@ class Scan:
                 if self.kinds[topic] == _DIAGNOSTICS:
                     # A broken message may raise anything.
                     with suppress(Exception):
-                        _take_report(self.activity, receive, unpack(raw))
+                        _take_report(self.activity, receive, raw)
                     continue
                 reader = readers.get(topic)
                 if reader is None:

@@ -86,7 +86,8 @@ def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
     """
     choices = candidate_settings(samples, samples.velocity)
     piece = samples.take(np.arange(min(len(samples), _COUNTED)))
-    steps = piece.with_(position=samples.position_step * np.random.default_rng(0).random(len(piece)))
+    random = np.random.default_rng(0).random(len(piece))
+    steps = piece.with_(position=samples.position_step * random)
 
     def acceleration(of: Samples, choice: dict[str, Any]) -> float:
         return rms(np.asarray(differentiate(of, choice).acceleration))
