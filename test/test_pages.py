@@ -3,12 +3,14 @@
 """Pages are self-contained, and a figure has one value."""
 
 import json
+from pathlib import Path
 import re
 
 from helpers import ROOT
 import numpy as np
 import pytest
 
+from friction_comp import Drive, FrictionModel, Sigmoid
 from friction_comp.__main__ import run
 from friction_comp.evaluation.conditions import evaluate_recordings
 from friction_comp.recordings.reader import read_recording
@@ -20,6 +22,7 @@ from friction_comp.reports.refinement_page import (
     effect_rows,
     errors,
     friction_rows,
+    next_steps,
     refinement_page,
 )
 from friction_comp.terminal import number, quantity
@@ -123,3 +126,10 @@ def test_the_first_command_answers_in_25_lines(tmp_path, capsys):
     assert ' to ' in rows['inertia']
     assert lines.index('next') > lines.index(rows['inertia'])
     assert {'look', 'simulate', 'feed', 'compensate'} <= set(rows)
+
+
+@pytest.mark.parametrize('gear_ratio', [1.0, 100.0])
+def test_a_command_is_only_given_if_it_works(gear_ratio):
+    model = FrictionModel(Drive(1.0, gear_ratio), Sigmoid(1.0, -1.0, 9.0), notes={'unit': 'A'})
+    steps = dict(next_steps(model, 'trust', [], [], Path('output')))
+    assert ('export' in steps['simulate']) == (model.gain is not None)

@@ -222,22 +222,22 @@ def remarks(report: RefinementReport) -> list[str]:
         *(line for line in report.warnings if line not in said)]
 
 
-def next_steps(verdict: str, record: Sequence[str], missing: Sequence[str], output: Path,
-               refused: str = '') -> list[tuple[str, str]]:
+def next_steps(model: FrictionModel, verdict: str, record: Sequence[str], missing: Sequence[str],
+               output: Path) -> list[tuple[str, str]]:
     """Return what to do next with the files in the folder `output`: a word, and how.
 
-    `record` is what to record, `missing` what a compensator would need to know in addition, and
-    `refused` why it would not take the model.
+    `record` is what to record, and `missing` what a compensator would need to know in addition.
     """
-    model = shlex.quote(str(output / 'model.yaml'))
-    run = 'python3 -m friction_comp'
+    file = shlex.quote(str(output / 'model.yaml'))
+    run, refused = 'python3 -m friction_comp', refusal(model)
     steps = [('record', line) for line in record]
     if verdict != 'record again':
-        steps += [('simulate', f'{run} export {model} --to mujoco --output joint.xml'),
-                  ('feed ahead', f'{run} predict PLAN.csv --model {model} --output torque.csv'),
+        steps += [('simulate', f'{run} export {file} --to mujoco --output joint.xml' if model.gain
+                   else 'first refine with --torque-constant and --gear-ratio, or a torque'),
+                  ('feed ahead', f'{run} predict PLAN.csv --model {file} --output torque.csv'),
                   ('compensate', f'not with this file: {refused}' if refused else
                    f'first find {" and ".join(missing)}: record {_SLOW_REVERSALS}'
-                   if missing else f'give the compensator the model: model_files [{model}]')]
+                   if missing else f'give the compensator the model: model_files [{file}]')]
     return steps
 
 
@@ -252,9 +252,9 @@ def refusal(model: FrictionModel) -> str:
 
 def _next_steps(result: RefineResult, output: Path) -> list[tuple[str, str]]:
     report = result.report
-    return next_steps(report.verdict, report.record_again,
+    return next_steps(result.model, report.verdict, report.record_again,
                       [name for name in ('breakaway', 'presliding')
-                       if getattr(report.friction, name) is None], output, refusal(result.model))
+                       if getattr(report.friction, name) is None], output)
 
 
 def step_lines(steps: Sequence[tuple[str, str]]) -> list[str]:

@@ -322,8 +322,8 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
              and read_name(name).signal in ('load', 'link_torque')]
     report = in_own_units(_report(fit, unit, loads), linear)
     report['warnings'] += table.notes
-    steps = next_steps(report['verdict'], report['record_again'], ['breakaway', 'presliding'],
-                       arguments.output)
+    steps = next_steps(fit.model, report['verdict'], report['record_again'],
+                       ['breakaway', 'presliding'], arguments.output)
     page = steady_state_page(report, fit.model, fit.speeds, fit.currents, str(path), steps)
     write_results(arguments, report, page, fit.model)
     table_of = [Row('', 'friction', 'value', '95 % interval', ''), *steady_state_rows(report)]
