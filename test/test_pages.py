@@ -10,9 +10,11 @@ from helpers import ROOT
 import numpy as np
 import pytest
 
-from friction_comp import Drive, FrictionModel, Sigmoid
 from friction_comp.__main__ import run
+from friction_comp.drive import Drive
 from friction_comp.evaluation.conditions import evaluate_recordings
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings.reader import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.evaluation_page import evaluation_page
