@@ -150,7 +150,7 @@ def test_every_form_of_text_holds_the_same(tmp_path, head, form, names, given):
 
 
 def test_whole_numbers_have_no_decimal_comma(tmp_path):
-    (tmp_path / 'log.csv').write_text('t;q;tau\n0;0;0\n0,001;0,1;0,2\n')
+    (tmp_path / 'log.csv').write_text('t;q;tau\n0;0;0\n0,01;0,1;0,2\n')
     np.testing.assert_array_equal(read_recording(tmp_path / 'log.csv')[0].current, [0.0, 0.2])
 
 
@@ -180,6 +180,8 @@ def text(line):
     ('log.csv', lambda path, t, q: write(
         path, time=t, q=np.round(q / TURN * 2 ** 14) / 2 ** 14, tau=q),
      'give its unit, --unit position=counts/4096'),
+    ('log.csv', lambda path, t, q: write(path, time=t, q=np.degrees(q), tau=q),
+     'as if it were in degrees or that of the motor before the gear: give its unit'),
     ('log.npz', lambda path, t, q: path.write_text('time,q,tau'), 'not a readable table'),
     ('log.mat', lambda path, t, q: path.write_text('time,q,tau'), 'not a readable table'),
     ('log.xlsx', lambda path, t, q: path.write_text('PK'), 'save its sheet as CSV'),

@@ -133,14 +133,14 @@ def not_in_radians(position: np.ndarray, seconds: float = math.inf) -> str:
     with a gear, the `seconds` that they took tell, too: over two turns a second is too fast.
     """
     position = position[np.isfinite(position)]
+    if fault := whole_numbers(position):
+        return fault
     speed = float(np.abs(np.diff(position)).sum()) / max(seconds, 1e-9)
     if speed > 15.0:
         return (f'moves at {speed:.3g} rad/s on average: fast for a joint, as if it were in '
                 'degrees or that of the motor before the gear')
     if len(position) < _FEWEST:
         return ''
-    if fault := whole_numbers(position):
-        return fault
     for unit, turn in _TURNS.items():
         if np.ptp(position) <= 1.001 * turn and turns_of(
                 np.arange(len(position)), position, turn).any():

@@ -134,11 +134,14 @@ class TableRecording:
         if not size:
             raise InputError(f'{self.path}: has no row below its header')
         time = np.arange(size) / layout.rate if layout.rate else _times(use, columns, self.path)
+        columns, time = _in_order(columns, time, use.notes)
+        seconds = float(np.nanmax(time) - np.nanmin(time))
         # What tells that values without a unit are not in SI units, once for each signal.
         asked: dict[str, str] = {}
         for column in [one for one in use.columns if one.signal in STATES and not one.stated]:
-            fault_of = not_in_radians if column.signal == 'position' else whole_numbers
-            if fault := fault_of(columns[column.name]):
+            values = columns[column.name]
+            if fault := (not_in_radians(values, seconds) if column.signal == 'position'
+                         else whole_numbers(values)):
                 asked.setdefault(column.signal, f'column {column.name!r} {fault}: give its unit, '
                                  f'--unit {unit_to_give(column.signal)}')
                 if column.signal == 'velocity':
@@ -146,7 +149,6 @@ class TableRecording:
         use.notes += [f'{asked.pop("velocity")}; it is not used'] if 'velocity' in asked else []
         if asked:
             raise InputError(f'{self.path}: {"; ".join(asked.values())}')
-        columns, time = _in_order(columns, time, use.notes)
         self._columns, self._time = _whole_rows(columns, time, use)
 
     def _assumed(self) -> tuple[str, ...]:
