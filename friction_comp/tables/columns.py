@@ -613,7 +613,7 @@ def _missing(missing: Sequence[str], names: Sequence[str], layout: Layout, signa
     return (f'which column is the {said}? Name it with --columns '
             f'{",".join(f"{one}=NAME" for one in missing)}'
             f'{"".join(hints.get(one, "") for one in missing)}; there are {_listed(names)}'
-            + '; files with a signal each are joined by a plus: q.csv+tau.csv' * (len(names) < 3))
+            + '; files with a signal each are joined by a plus: q.csv+tau.csv' * (len(signals) < 2))
 
 
 def _say_unit(name: str, reading: Reading) -> str:
