@@ -216,9 +216,8 @@ def remarks(report: RefinementReport) -> list[str]:
         line for line in report.warnings if _CHOSEN.match(line)}
     return [
         *(f'the error still depends on {entry.variable}: {entry.note} '
-          f'({100 * entry.strength:.0f} % of the rest)' for entry in report.unexplained),
-        *(f'{question.variables}: {question.why}; to decide: {question.experiment}'
-          for question in report.ambiguous),
+          f'({100 * entry.strength:.0f} % of the rest)' for entry in report.unexplained
+          if not any(entry.note in reason for reason in report.reasons)),
         *(line for line in report.warnings if line not in said)]
 
 
