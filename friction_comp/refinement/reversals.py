@@ -26,14 +26,9 @@ from friction_comp.model.model_file import Breakaway, Presliding
 from friction_comp.refinement import thresholds
 from friction_comp.samples import Samples
 
-# Way beyond a turn that is looked at first, rad; later this multiple of that to the share of the
-# change of friction, which varies less than its end does. The level before the turn is that of the
-# farther half.
-_FIRST_WAY, _MULTIPLE, _EARLY = 0.03, 6.0, 0.8
-# It is at least this multiple of that to the end of the change.
-_BEYOND_END, _ROUNDS = 2.0, 3
-# Turns are looked for among so many samples, evenly spread.
-_MOST_PLACES = 20_000
+# Way beyond a turn that is looked at first, rad, and that after it as a multiple of that to the end
+# of the change of friction. The level before the turn is that of the farther half.
+_FIRST_WAY, _MULTIPLE = 0.03, 4.0
 # Share of the change of friction at which presliding ends, that is at 95 % of the level there, and
 # of the samples over which its peak is averaged.
 _END, _PEAK = 0.975, 1.0 / 8.0
@@ -58,9 +53,8 @@ class AtRest(NamedTuple):
 
 class _Reversal(NamedTuple):
     side: float     # direction after the turn
-    early: float    # ways to `_EARLY` and `_END` of the change of friction, rad
-    end: float
-    taken: float    # samples from the turn to the latter
+    end: float      # way to `_END` of the change of friction, rad
+    taken: float    # samples from the turn to there
     turn: int       # sample, and that of the following turn
     following: int
 
@@ -78,21 +72,24 @@ def friction_at_rest(raw: Samples, model: FrictionModel, count: float) -> AtRest
         Smallest step of the recorded position, rad.
     """
     friction = friction_at(raw, model)
-    shown = _at_own_scale(raw, friction, count)
+    shown = list(_reversals(raw, friction, _FIRST_WAY))
+    # On a long way a ripple would count, or what friction changes with speed; on a short one the
+    # creeping end of the change is missed.
+    if shown:
+        window = max(_MULTIPLE * float(np.median([one.end for one in shown])), 20.0 * count)
+        shown = list(_reversals(raw, friction, min(_FIRST_WAY, window))) or shown
     # In those that are faster, few samples or a late current would decide.
     fewest = max(thresholds.REVERSAL_SAMPLES, _SHORTEST / raw.sample_time)
     shown = [one for one in shown if one.taken >= fewest]
     if len(shown) < thresholds.REVERSALS:
         return AtRest(None, None, 'there are too few reversals, or they are too fast for the rate')
     ways = np.array([one.end for one in shown])
+    distance = 0.5 * float(np.median(ways))
     # What friction does within two counts, an encoder does not show.
-    beyond = max(0.5 * float(np.median(ways)), _COUNTS * count)
-    breakaway = None
-    if beyond <= _LONGEST:
-        breakaway = _breakaway(raw, friction, shown, beyond)
+    beyond = max(distance, _COUNTS * count)
+    breakaway = _breakaway(raw, friction, shown, beyond) if beyond <= _LONGEST else None
     if breakaway is None:
         return AtRest(None, None, 'friction beyond turns is not the same each time')
-    distance = 0.5 * float(np.median(ways))
     if not distance > _COUNTS * count:
         return AtRest(None, breakaway, 'presliding is shorter than '
                       f'{_COUNTS:.0f} steps of the position')
@@ -100,26 +97,6 @@ def friction_at_rest(raw: Samples, model: FrictionModel, count: float) -> AtRest
     if std > thresholds.REVERSAL_SPREAD * distance:
         return AtRest(None, breakaway, f'reversals differ by {100.0 * std / distance:.0f} %')
     return AtRest(Presliding(distance, std=std), breakaway, '')
-
-
-def _at_own_scale(raw: Samples, friction: np.ndarray, count: float) -> list[_Reversal]:
-    """Return the reversals over a way beyond the turn on which friction changes no further.
-
-    On a long way a ripple would count, or what friction changes with speed; on a short one the
-    creeping end of the change is missed.
-    """
-    shown = list(_reversals(raw, friction, _FIRST_WAY))
-    for _ in range(_ROUNDS):
-        window = min(_FIRST_WAY, max(_MULTIPLE * _middle(shown, 'early'), 20.0 * count))
-        again = list(_reversals(raw, friction, window))
-        if not again or window < _BEYOND_END * _middle(again, 'end'):
-            break
-        shown = again
-    return shown
-
-
-def _middle(shown: Sequence[_Reversal], name: str) -> float:
-    return float(np.median([getattr(one, name) for one in shown])) if shown else 0.0
 
 
 def _spread(values: np.ndarray) -> float:
@@ -183,19 +160,12 @@ def _reversals(raw: Samples, friction: np.ndarray, window: float) -> Iterator[_R
                 continue
             # From the peak on, friction may fall with speed.
             share = (change[:peak + 1] - np.median(level)) / height
-            early, end = (_reached(share, least) for least in (_EARLY, _END))
+            # Where an isotonic regression reaches the level: the values before it sum up to the
+            # least beside the level (Barlow et al. 1972).
+            end = int(np.argmin(np.concatenate(([0.0], np.cumsum(share - _END)))))
             if end <= peak:
-                yield _Reversal(side, float(way[early]), float(way[end]), float(end),
-                                part.start + turn, part.start + following)
-
-
-def _reached(values: np.ndarray, level: float) -> int:
-    """Return from which index on noisy values, shape (N,), are at a level; N if they are not.
-
-    It is where an isotonic regression reaches the level: the values before it sum up to the least
-    beside the level (Barlow et al. 1972).
-    """
-    return int(np.argmin(np.concatenate(([0.0], np.cumsum(values - level)))))
+                yield _Reversal(side, float(way[end]), float(end), part.start + turn,
+                                part.start + following)
 
 
 def _turns(position: np.ndarray, least: float) -> list[tuple[int, float]]:
@@ -204,10 +174,8 @@ def _turns(position: np.ndarray, least: float) -> list[tuple[int, float]]:
     `scipy.signal.find_peaks` finds the same, but its import takes as long as a whole refinement.
     """
     turns: list[tuple[int, float]] = []
-    every = max(1, len(position) // _MOST_PLACES)
-    places = position[::every].tolist()
+    places, side = position.tolist(), 0.0
     highest = lowest = 0
-    side = 0.0
     for k, place in enumerate(places):
         highest = k if place > places[highest] else highest
         lowest = k if place < places[lowest] else lowest
@@ -217,6 +185,4 @@ def _turns(position: np.ndarray, least: float) -> list[tuple[int, float]]:
         elif side <= 0.0 and place > places[lowest] + least:
             turns.append((lowest, 1.0))
             side, highest = 1.0, k
-    # The farthest of all samples near it.
-    return [(first + int(np.argmin(side * position[first:(k + 1) * every])), side)
-            for k, side in turns for first in [max(0, (k - 1) * every + 1)]]
+    return turns
