@@ -345,7 +345,7 @@ def test_dynamic_joint_states_give_the_current_that_joint_states_lack(tmp_path):
 @pytest.mark.parametrize(('name', 'content', 'words'), [
     ('missing', None, 'no such file'),
     ('empty.mcap', b'', 'empty'),
-    ('text.mcap', b'these are words, not a recording at all', 'not an mcap file'),
+    ('text.mcap', b'these are words, not a recording at all', 'not a valid MCAP file'),
     ('table.csv', b'time,position\n', 'which column is the effort'),
     ('broken.db3', b'SQLite format 3\0' + b'x' * 200, 'not a readable recording'),
     ('text.mcap.zstd', b'not compressed at all', 'is damaged'),

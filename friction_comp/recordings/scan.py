@@ -14,20 +14,16 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from functools import cache
-import io
 import math
-from mmap import ACCESS_READ, mmap
 from pathlib import Path, PurePath
 import re
 import sqlite3
-import struct
 from typing import Any
 from urllib.parse import quote
 
 from mcap import records
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.exceptions import EndOfFile
+from mcap.stream_reader import breakup_chunk, StreamReader
 import numpy as np
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
@@ -44,9 +40,6 @@ from friction_comp.tables.columns import STATES
 _Messages = Iterator[tuple[str, int, bytes]]
 
 _ZSTD = b'\x28\xb5\x2f\xfd'
-_MAGIC = b'\x89MCAP0\r\n'
-# Beginning of a record, and of a message: channel, number, and times of receipt and sending, ns.
-_RECORD, _MESSAGE = struct.Struct('<BQ'), struct.Struct('<HIqq')
 # Largest chunk of messages and largest compressed message, bytes when unpacked.
 _LARGEST_CHUNK, _LARGEST_MESSAGE = 500_000_000, 1_000_000
 
@@ -55,55 +48,32 @@ def _read_mcap(scan: Scan, file: Path) -> _Messages:
     schemas: dict[int, str] = {}
     # Topic of each channel, and whether its messages are wanted.
     channels: dict[int, tuple[str, bool]] = {}
-    with open_input(file) as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as whole:
-        if whole[:len(_MAGIC)] != _MAGIC:
-            raise ValueError('not an mcap file')
-        for kind, packed in _records(whole, len(_MAGIC)):
-            if kind == Opcode.DATA_END:
+    with open_input(file) as stream:
+        for part in StreamReader(
+                stream, emit_chunks=True, record_size_limit=_LARGEST_CHUNK).records:
+            if isinstance(part, records.DataEnd):
                 return
-            for code, content in _records(_unpacked(packed)) if kind == Opcode.CHUNK else [
-                    (kind, packed)]:
-                if code == Opcode.MESSAGE:
-                    number, _, receive, _ = _MESSAGE.unpack_from(content)
-                    topic, wanted = channels[number]
+            for one in _unpacked(part) if isinstance(part, records.Chunk) else [part]:
+                if isinstance(one, records.Message):
+                    topic, wanted = channels[one.channel_id]
                     scan.counts[topic] += 1
                     if wanted:
-                        yield topic, receive, content[_MESSAGE.size:]
-                elif code == Opcode.SCHEMA:
-                    schema = records.Schema.read(_stream(content))
-                    schemas[schema.id] = schema.name
-                elif code == Opcode.CHANNEL:
-                    own = records.Channel.read(_stream(content))
-                    channels[own.id] = own.topic, scan.wants(
-                        own.topic, schemas.get(own.schema_id, ''), own.message_encoding)
-    # Whoever wrote it was stopped between two chunks.
-    raise LookupError
+                        yield topic, one.log_time, one.data
+                elif isinstance(one, records.Schema):
+                    schemas[one.id] = one.name
+                elif isinstance(one, records.Channel):
+                    channels[one.id] = one.topic, scan.wants(
+                        one.topic, schemas.get(one.schema_id, ''), one.message_encoding)
 
 
-def _records(data: bytes | mmap, at: int = 0) -> Iterator[tuple[int, bytes]]:
-    """Yield opcode and content of the records of a file, or of a chunk in it."""
-    while at < len(data):
-        code, length = _RECORD.unpack_from(data, at)
-        begin, at = at + _RECORD.size, at + _RECORD.size + length
-        if at > len(data):
-            raise LookupError
-        yield code, data[begin:at]
-
-
-def _stream(content: bytes) -> ReadDataStream:
-    return ReadDataStream(io.BytesIO(content))
-
-
-def _unpacked(content: bytes) -> bytes:
+def _unpacked(chunk: records.Chunk) -> list[records.McapRecord]:
     """Return a chunk's records; an error if it unpacks to more than it says, or than any holds."""
-    chunk = records.Chunk.read(_stream(content))
     size, packed = chunk.uncompressed_size, chunk.data
     check_unpacked('a chunk', size, len(packed))
     said = zstandard.frame_content_size(packed) if chunk.compression == 'zstd' else -1
     if size > _LARGEST_CHUNK or said not in (-1, size):
         raise ValueError(f'a chunk of {max(size, said)} bytes')
-    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-    return stream.read(size)
+    return breakup_chunk(chunk, validate_crc=True)
 
 
 def _read_sqlite(scan: Scan, file: Path) -> _Messages:
@@ -384,7 +354,7 @@ class Scan:
             # What is damaged may raise anything.
             except Exception as error:
                 damage = f'{file.name}: damaged or not finished: ' + (
-                    'a part of it is missing' if isinstance(error, (LookupError, struct.error))
+                    'a part of it is missing' if isinstance(error, (LookupError, EndOfFile))
                     else one_line(error))
                 if count := self.counts.total() - before:
                     self.notes.append(f'{damage}: {count} messages before that were read')
