@@ -130,7 +130,6 @@ def test_a_target_has_the_unit_of_what_it_is_the_target_of():
     (['t', 'angle [deg]', 'angle [rad]', 'tau'], Layout({'position': 'angle'}), 'no column'),
     (['t', 'motor_pos', 'joint_pos', 'tau'], None, "which column is the position, 'motor_pos' or "
      "'joint_pos'? Name it with --columns position=motor_pos"),
-    (['t', 'Position [ticks]', 'tau'], None, 'with --unit position=counts/4096'),
     (['t', 'Position [ticks]', 'tau'], Layout({'position': 'Position [ticks]'}),
      'with --unit position=counts/4096'),
     (['t [counts]', 'q', 'tau'], None, "'counts' does not tell what a time of 1 is")])

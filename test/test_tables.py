@@ -228,6 +228,12 @@ def test_joined_files_keep_the_names_of_their_columns_in_order(tmp_path):
         'time', 'q_hip', 'q_knee', 'q_toe', 'tau_toe', 'tau_hip']
 
 
+def test_the_arrays_that_are_named_are_read_though_most_have_another_length(tmp_path, refuses):
+    rest, others = np.ones(300), {f'other_{k}': np.zeros(7) for k in range(9)}
+    np.savez(tmp_path / 'log.npz', t=0.01 * np.arange(300), q=rest, tau=rest, **others)
+    refuses('never moves', 'refine', tmp_path / 'log.npz', '--columns', 'time=t,position=q')
+
+
 def test_rows_that_hold_a_value_each_are_one_recording(tmp_path):
     """As topics come: an angle every 2 ms, an effort every 5 ms, and a hole in the angles."""
     t, e = 0.002 * np.arange(1500), 0.0013 + 0.005 * np.arange(600)

@@ -281,7 +281,8 @@ def steady_states(arguments: Namespace) -> tuple[Column, Column] | None:
     path, *others = arguments.recordings
     if others or not is_table(path) or path.is_dir():
         return None
-    return without_time(Table(path).names, arguments.layout, path)
+    table = Table(path, [*arguments.layout.columns.values()])
+    return without_time(table.names, arguments.layout, path)
 
 
 def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
@@ -296,7 +297,7 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
     from friction_comp.reports.refinement_page import next_steps, Row, step_lines, table_lines
 
     velocity, effort = columns
-    table = Table(path)
+    table = Table(path, [velocity.name])
     read = table.read([velocity.name, effort.name])
     speeds, torques = (column.factor * read[column.name] for column in columns)
     if not len(speeds):
