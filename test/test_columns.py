@@ -29,7 +29,8 @@ from friction_comp.terminal import in_own_units
     ('i_q', 'current', '', ''), ('batt_curr', '', '', ''), ('current_dur_ms', '', '', 'ms'),
     ('Goal Current', 'command', '', ''), ('tau_cmd', 'command', '', ''),
     ('command', 'command', '', ''), ('command [rad]', 'reference_position', '', 'rad'),
-    ('target_q_2', 'reference_position', '2', ''), ('posDes', 'reference_position', '', ''),
+    ('target_q_2', 'reference_position', '2', ''),
+    ('Position demand value', 'reference_position', '', ''), ('tauDes', 'command', '', ''),
     ('sensor_torque', 'load', '', ''), ('output_torque [Nm]', 'link_torque', '', 'Nm'),
     ('Present Load', '', '', ''), ('joint_temperatures_0', 'temperature', '0', ''),
     ('d', 'direction', '', ''), ('electrical_angle', '', '', ''), ('acc', '', '', '')])

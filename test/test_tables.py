@@ -183,7 +183,6 @@ def text(line):
     ('log.csv', lambda path, t, q: write(path, time=t, q=np.degrees(q), tau=q),
      'as if it were in degrees or that of the motor before the gear: give its unit'),
     ('log.npz', lambda path, t, q: path.write_text('time,q,tau'), 'not a readable table'),
-    ('log.mat', lambda path, t, q: path.write_text('time,q,tau'), 'not a readable table'),
     ('log.xlsx', lambda path, t, q: path.write_text('PK'), 'save its sheet as CSV'),
     ('log.bag', lambda path, t, q: path.write_text('#ROS'), 'rosbags-convert --src ')])
 def test_what_is_no_table_or_means_two_things_is_refused(tmp_path, name, save, said):

@@ -150,7 +150,7 @@ _ROLES = {word: role for role, words in {
     'surely measured': 'actual act measured meas present feedback fb sensed',
     'measured': 'observed observation observations obs mean avg average read real applied '
                 'estimated est estimate',
-    'target': 'target reference ref desired des goal setpoint set planned action',
+    'target': 'target reference ref desired des demand goal setpoint set planned action',
     'command': 'command commanded cmd',
     'outside': 'external ext interaction sensor person human hand', 'behind': 'link output',
     'nothing': 'joint joints state states motor motors mot rotor robot arm actuator servo axis '
