@@ -33,9 +33,9 @@ SKETCH = ('inertia', 'direction_asymmetry', 'viscous_shape', 'stribeck', 'gravit
 BOUNDED = ('inertia', 'load_friction', 'hysteresis', 'inner_load_friction')
 
 
-def parts_of_time(samples, start, length=1, others=()):
+def parts_of_time(samples, index, others=()):
     """Return parts of time in the place of regimes of motion."""
-    return np.argsort(np.argsort(start)) * 16 // len(start)
+    return np.argsort(np.argsort(index)) * 16 // len(index)
 
 
 def better_in_parts(before, after, least=None, scatters=None):

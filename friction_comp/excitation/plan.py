@@ -32,7 +32,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import one_thread
 from friction_comp.refinement.block_sums import column_shares
 from friction_comp.refinement.effect_columns import Table, Term
-from friction_comp.refinement.prepare import in_motion, row_starts, Rows
+from friction_comp.refinement.prepare import in_motion, Rows
 from friction_comp.samples import Samples
 from friction_comp.trajectory import Trajectory
 
@@ -195,10 +195,10 @@ def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> 
         usable = in_motion(samples, nothing, coverage.slowest, None)
     except InputError:
         return dict.fromkeys(pairs, 0.0)
-    start = row_starts(samples, usable, 1)
+    index = np.flatnonzero(usable)
     table = Table(Rows(
         samples=samples, target=samples.current, usable=usable, clipped=nothing,
-        coverage=coverage, start=start, length=1, block=np.zeros(len(start), dtype=int)),
+        coverage=coverage, index=index, block=np.zeros(len(index), dtype=int)),
         2.0 / coverage.transition)
     names = dict.fromkeys(name for pair in pairs for name in pair)
     keys = {name: table.add(terms_of(name, coverage)) for name in names}

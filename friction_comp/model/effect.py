@@ -79,7 +79,7 @@ class ResidualView:
     velocity: Any                     # rad/s
     sign: Any                         # sign of friction, -1..1
     residual: Any                     # A
-    row_time: float                   # s over which each row was averaged
+    sample_time: float                # s
     # Loads of the terms of the fit, see `Effect.load_share`.
     load_shares: list[dict[str, float]]
 

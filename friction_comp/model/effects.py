@@ -340,12 +340,12 @@ def spectrum_peaks(view: ResidualView, amplitude: np.ndarray) -> list[float]:
     """Return the spatial frequencies, rad/rad (periods per turn), that would explain most.
 
     The residual is modelled as amplitude · (a·cos(kq) + b·sin(kq)) with an amplitude of shape (R,).
-    A period takes three rows at the slowest quarter of the speeds, and four position steps at
+    A period takes three samples at the slowest quarter of the speeds, and four position steps at
     least. Of a joint that turned often, only harmonics of a turn are returned.
     """
     coverage, span = view.coverage, float(np.ptp(view.position))
     slow = float(np.percentile(np.abs(view.velocity), 25))
-    highest = 2.0 * math.pi / max(3.0 * slow * view.row_time, 4.0 * coverage.resolution, 1e-12)
+    highest = 2.0 * math.pi / max(3.0 * slow * view.sample_time, 4.0 * coverage.resolution, 1e-12)
     energy = float(amplitude @ amplitude)
     if not highest * span > 2.0 * math.pi * FEWEST_PERIODS or energy <= 0.0:
         return []

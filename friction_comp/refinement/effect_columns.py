@@ -62,7 +62,7 @@ class Term:
         """Return the term's columns on rows, shape (M, R)."""
         if self.group is None and not self.kind.has_memory:
             return self.kind.matrix(rows.at_rows, self.constants).T
-        return rows.averaged(self.columns(rows)).T
+        return self.columns(rows)[rows.index].T
 
     @property
     def choice(self) -> tuple[Any, ...]:
@@ -90,7 +90,7 @@ class Table:
     """Columns of terms on the rows of a recording, shape (P, R), and their sums over regimes."""
 
     def __init__(self, rows: Rows, steepness: float, shift: float = 0.0) -> None:
-        self.rows, self.target = rows, rows.averaged(rows.target)
+        self.rows, self.target = rows, rows.target[rows.index]
         self.transition = steepness, shift  # of Eq. 6, s/rad and rad/s
         self.columns_of: dict[Term, list[int]] = {}  # indices of the columns of each term added
         self.sums = BlockSums.over(self.target[None], rows.block)
@@ -98,7 +98,7 @@ class Table:
         self._set(self._grown(EQ6_COLUMNS), self._base(steepness, shift), _EQ6_SIGNS)
 
     def _base(self, steepness: float, shift: float) -> np.ndarray:
-        return self.rows.averaged(eq6_columns(self.rows, steepness, shift)).T
+        return eq6_columns(self.rows, steepness, shift)[self.rows.index].T
 
     def part(self, terms: Container[Term]) -> Table:
         """Return a table of some of the terms alone, in which others are tried for less."""
@@ -234,8 +234,7 @@ class Table:
         velocity = np.asarray(part.velocity)
         return ResidualView(
             coverage, part.position, velocity, np.tanh(velocity / coverage.transition),
-            self.residual(terms), self.rows.length * self.rows.samples.sample_time,
-            self.load_shares(terms))
+            self.residual(terms), self.rows.samples.sample_time, self.load_shares(terms))
 
 
 def signs_of(term: Term, count: int) -> list[int]:

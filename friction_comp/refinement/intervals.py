@@ -79,7 +79,7 @@ def _unsettled(fit: Fit) -> list[np.ndarray]:
     kinds = {term.kind for term in fit.terms}
     prediction = fit.columns(rows) @ list(table.coefficients(fit.terms).values())
     step = max(_LAG_STEP, rows.samples.sample_time)
-    moved = [rows.averaged(shifted_in_time(prediction, rows.samples, count * step) - prediction)
+    moved = [(shifted_in_time(prediction, rows.samples, count * step) - prediction)[rows.index]
              for count in (-4, -2, -1, 1, 2, 4)]
     return [np.array(moved), *(
         term.at_rows(rows) for term in first_model(table)

@@ -144,7 +144,7 @@ def friction_shows(fit: Fit) -> bool:
 def other_recordings(fit: Fit) -> float:
     """Return the error of each recording by a fit to the others, A; 0 if alone."""
     rows, table = fit.rows, fit.table
-    number = np.unique(rows.samples.recording[rows.start], return_inverse=True)[1]
+    number = np.unique(rows.samples.recording[rows.index], return_inverse=True)[1]
     columns = table.indices(fit.terms, derivatives=False)
     sums = BlockSums.over(np.vstack((table.columns[columns], table.target)), number,
                           table.sums.signs[columns])

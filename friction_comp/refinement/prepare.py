@@ -160,9 +160,9 @@ def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
                      model.settings.get('bandwidth'))
 
 
-def regimes_in(samples: Samples, start: np.ndarray, length: int = 1,
-               others: Sequence[np.ndarray] = ()) -> np.ndarray:
-    """Return the regime of motion of each row of `length` samples, shape (R,).
+def regimes_in(samples: Samples, index: np.ndarray, others: Sequence[np.ndarray] = ()
+               ) -> np.ndarray:
+    """Return the regime of motion of the samples of an `index`, shape (R,).
 
     Regimes differ in position, speed, acceleration and load; where other joints moved too, whose
     positions are `others`, each (N,), in posture: a wrong term may fit one posture alone. Each has
@@ -170,21 +170,11 @@ def regimes_in(samples: Samples, start: np.ndarray, length: int = 1,
     """
     position, turn = samples.position, 2.0 * math.pi
     # A joint that turns on is at the same places again.
-    place = position % turn if np.ptp(position[start]) > turn else position
+    place = position % turn if np.ptp(position[index]) > turn else position
     signals = others or (place, np.abs(np.asarray(samples.velocity)), samples.acceleration,
                          samples.load, samples.rigid_body)
-    return regimes_of([values[start + length // 2] for values in signals if values is not None],
+    return regimes_of([values[index] for values in signals if values is not None],
                       int(thresholds.REGIMES))
-
-
-def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
-    """Return the first sample of each row of `length` consecutive usable samples."""
-    starts = []
-    for part in samples.segments():
-        count = (part.stop - part.start) // length
-        complete = usable[part.start:part.start + count * length].reshape(count, length).all(axis=1)
-        starts.append(part.start + length * np.nonzero(complete)[0])
-    return np.concatenate(starts) if starts else np.empty(0, dtype=int)
 
 
 @dataclass(frozen=True)
@@ -240,7 +230,7 @@ class Problem:
         fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
         # A smooth velocity is wrong where friction changes its sign.
         usable = fast if fast.sum() > 0.5 * usable.sum() else usable
-        return row_starts(moved, usable, 1)[::max(1, int(usable.sum()) // _SMOOTH_ROWS)]
+        return np.flatnonzero(usable)[::max(1, int(usable.sum()) // _SMOOTH_ROWS)]
 
     @functools.cached_property
     def clipped(self) -> np.ndarray:
@@ -382,27 +372,25 @@ def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, An
     return settings
 
 
-_SLOWEST_RATE = 100.0
 # A limit occurs more often than this multiple of the value next to it. At its turning points, a
 # sine in coarse steps has 2.4 times as many samples in the outermost step.
 _MORE_OFTEN = 3.0
 # As many different currents, or fewer, are a command: both directions, and none.
 _LEVELS = 3
-# Most rows that are searched, in multiples of `ROWS`, and how many are kept or left out together.
-_MOST, _PIECE = 4.0, 100
+# How many rows are kept or left out together.
+_PIECE = 100
 
 
 @dataclass(frozen=True)
 class Rows:
-    """The data of a fit: N samples, and R averages over a few of them each, in blocks."""
+    """The data of a fit: N samples, R of which are its rows, in blocks."""
 
     samples: Samples  # with velocity and acceleration
     target: np.ndarray  # (N,): current that the model has to explain, A
     usable: np.ndarray  # (N,): which samples are fitted
     clipped: np.ndarray  # (N,): which are at a limit of the current; none of them is usable
     coverage: Coverage
-    start: np.ndarray  # (R,): first sample of each row
-    length: int  # samples averaged in each row
+    index: np.ndarray  # (R,): sample of each row
     block: np.ndarray  # (R,): regime of motion, which is left out of a fit as a whole
     # Current per load, A/(N·m), where the load is part of the target; otherwise 0.
     load_coefficient: float = 0.0
@@ -424,29 +412,15 @@ class Rows:
 
     @functools.cached_property
     def at_rows(self) -> Samples:
-        """The averages of the signals over each row."""
-        names = ('time', 'position', 'velocity', 'acceleration', 'load', 'temperature',
-                 'rigid_body', 'coupling')
-        known: Any = {name: self.averaged(getattr(self.samples, name)) for name in names
-                      if getattr(self.samples, name) is not None}
-        return Samples(current=self.averaged(self.samples.current), joint=self.samples.joint,
-                       recording=self.samples.recording[self.start], **known)
+        """The samples that are rows."""
+        return self.samples.take(self.index)
 
     @property
     def block_of_sample(self) -> np.ndarray:
         """The regime of each sample, that of the row before it, shape (N,)."""
-        order = np.argsort(self.start)
-        before = np.searchsorted(self.start[order], np.arange(len(self.samples)), side='right') - 1
+        order = np.argsort(self.index)
+        before = np.searchsorted(self.index[order], np.arange(len(self.samples)), side='right') - 1
         return np.asarray(self.block[order][np.clip(before, 0, None)])
-
-    def averaged(self, values: np.ndarray) -> np.ndarray:
-        """Return averages of values, shape (N,) or (N, M), over each row's samples."""
-        # Columns are contiguous in memory, and taken from that way for less.
-        total = values.T.take(self.start, axis=-1)
-        for k in range(1, self.length):
-            total += values.T.take(self.start + k, axis=-1)
-        total /= self.length
-        return np.asarray(total.T)
 
 
 def join(recordings: Sequence[Samples] | Samples) -> Samples:
@@ -514,16 +488,12 @@ def prepare(problem: Problem, settings: dict[str, Any]) -> Rows:
     usable = in_motion(moved, problem.unusable, slowest, settings['bandwidth'])
     motion = moving_states(
         samples, joints, settings_for_arm(samples, settings)) if joints else None
-    # The fewest samples per row for which at most `ROWS` remain, at 100 Hz or more; then pieces
-    # from everywhere.
-    length = max(1, min(math.ceil(usable.sum() / thresholds.ROWS),
-                        int(1.0 / moved.sample_time / _SLOWEST_RATE)))
-    start = row_starts(moved, usable, length)
-    share = _MOST * thresholds.ROWS / max(len(start), 1)
-    start = start[evenly_spread(np.arange(len(start)) // _PIECE) < share]
+    # Of many, pieces from everywhere.
+    index = np.flatnonzero(usable)
+    index = index[evenly_spread(np.arange(len(index)) // _PIECE) < thresholds.ROWS / len(index)]
     # Rigid bodies are the same in all postures.
     others = list(motion[0].T) if motion and samples.rigid_body is None else []
-    block = regimes_in(moved, start, length, others)
+    block = regimes_in(moved, index, others)
     order = np.argsort(block, kind='stable')
     target, load = problem.target, problem.load_coefficient
     if load:
@@ -539,7 +509,7 @@ def prepare(problem: Problem, settings: dict[str, Any]) -> Rows:
     rows = Rows(
         samples=moved, target=target, usable=usable, clipped=problem.clipped,
         coverage=replace(coverage_of(moved, usable, slowest, samples), linear=problem.linear),
-        start=start[order], length=length, block=block[order], load_coefficient=load,
+        index=index[order], block=block[order], load_coefficient=load,
         motion=motion, joints=joints, torque_per_current=problem.drive.torque_per_current)
     return replace(rows, coverage=replace(rows.coverage, transition=choose_transition(rows)))
 
@@ -547,7 +517,7 @@ def prepare(problem: Problem, settings: dict[str, Any]) -> Rows:
 def choose_transition(rows: Rows) -> float:
     """Return the velocity in rad/s over which friction changes sign: tanh(v/transition)."""
     speed = rows.coverage.speed
-    part, target = rows.samples.take(rows.start), rows.averaged(rows.target)
+    part, target = rows.at_rows, rows.target[rows.index]
     if rows.load_coefficient:
         part = part.with_(load=None)
     best = (math.inf, speed)

@@ -201,9 +201,9 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
     rows, raw, given = fit.rows, problem.raw, problem.model is not None
     model, unit, kept = refined.model, origin.unit, refined is start
     # In order of time.
-    order = np.argsort(rows.start)
+    order = np.argsort(rows.index)
     dependences = remaining_dependences(
-        rows.at_rows.take(order), rows.averaged(refined.held_out)[order], rows.coverage.slowest)
+        rows.at_rows.take(order), refined.held_out[rows.index][order], rows.coverage.slowest)
     between = judge.other_recordings(fit)
     friction = friction_of(replace(model, notes={**model.notes, 'unit': unit}))
     effects = [] if kept else effects_of(fit, bounds, friction, unit)

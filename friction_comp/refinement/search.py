@@ -171,8 +171,8 @@ class Search:
         """
         if term.kind.variable != 'time':
             return True
-        table, start = self.table, self.table.rows.start
-        part = np.argsort(np.argsort(start)) * int(thresholds.REGIMES) // len(start)
+        table, index = self.table, self.table.rows.index
+        part = np.argsort(np.argsort(index)) * int(thresholds.REGIMES) // len(index)
         columns, own = table.indices([*rest, term]), len(table.columns_of[term])
         sums = BlockSums.over(np.vstack((table.columns[columns], table.target)), part,
                               table.sums.signs[columns])
@@ -435,9 +435,9 @@ def _with_best_lag(fit: Fit) -> dict[str, Any]:
 
         def error(lag: float, columns: np.ndarray = columns) -> float:
             moved = shifted_in_time(columns, rows.samples, lag) if lag else columns
-            averages = rows.averaged(moved)
-            return held_out_error(averages, fit.table.target, rows.block) if np.isfinite(
-                averages).all() else math.inf
+            at_rows = moved[rows.index]
+            return held_out_error(at_rows, fit.table.target, rows.block) if np.isfinite(
+                at_rows).all() else math.inf
         errors = {lag: error(lag) for lag in grid}
         # The lowest point of a parabola through the best lag and its neighbours, again and again.
         for _ in range(_PARABOLAS):

@@ -26,7 +26,7 @@ REST = Threshold(
 PRESLIDING_SPEED = Threshold(
     0.05, 'of the top speed', 'faster motion near a rest is not presliding')
 ROWS = Threshold(
-    16000, 'rows', 'most averages searched; four times as many if they are at 100 Hz')
+    16000, 'rows', 'most samples searched: pieces from everywhere')
 REGIMES = Threshold(
     16, 'regimes', 'of motion, each of which is left out of a fit: enough for statistics')
 NEAR_LIMIT = Threshold(
