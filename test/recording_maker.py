@@ -61,7 +61,7 @@ def array(kind, values, labels=()):
     return kind, T[kind](layout, np.array(values, dtype=dtype))
 
 
-def record(path, messages, plugin=StoragePlugin.MCAP, compression=None, little_endian=True):
+def record(path, messages, plugin=StoragePlugin.MCAP, compression=None):
     """Write (topic, receive time in ns, (type, message)) with the library's own writer."""
     writer = Writer(path, version=9, storage_plugin=plugin)
     if compression:
@@ -71,8 +71,7 @@ def record(path, messages, plugin=StoragePlugin.MCAP, compression=None, little_e
         for topic, receive, (kind, message) in messages:
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            writer.write(connections[topic], receive,
-                         STORE.serialize_cdr(message, kind, little_endian=little_endian))
+            writer.write(connections[topic], receive, STORE.serialize_cdr(message, kind))
     return path
 
 
