@@ -33,7 +33,7 @@ TOOLS = {
     'evaluate': 'computes the back-driving torque of recorded movements',
     'refine': 'finds in recordings the effects that a model lacks',
     'doctor': 'checks what is installed and running, and says what to do',
-    'convert': 'converts a recording into a CSV, Parquet or npz table, and back',
+    'convert': 'converts a recording into a CSV table, and back',
     'export': "writes a model's friction for MuJoCo, URDF or SDF, or as a table",
     'excite': 'plans a motion within limits that distinguishes effects (JointTrajectory)',
     'teach': 'makes an exercise of a recorded movement that a person guided',

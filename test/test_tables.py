@@ -18,7 +18,7 @@ from friction_comp import InputError, Layout, read_frame, read_recording, Sample
 from friction_comp.__main__ import main
 from friction_comp.recordings.reader import read_recording_with_info, recorded_joints
 from friction_comp.recordings.writer import write_samples
-from friction_comp.tables.table_files import Table, write_columns
+from friction_comp.tables.table_files import Table, to_csv
 from friction_comp.tables.table_recording import table_of
 
 CASES = DATA.with_name('cases')
@@ -336,12 +336,9 @@ def assert_alike(found, wanted, signals=('time', 'position', 'velocity', 'curren
                                    err_msg=name)
 
 
-@pytest.mark.parametrize('suffix', ['csv', 'npz', 'parquet'])
-def test_a_table_holds_all_that_the_recording_held(tmp_path, suffix):
-    if suffix == 'parquet':
-        pytest.importorskip('pyarrow')
-    write_columns(tmp_path / f'log.{suffix}', table_of([moving()]))
-    (found, info), = read_recording_with_info(tmp_path / f'log.{suffix}')
+def test_a_table_holds_all_that_the_recording_held(tmp_path):
+    (tmp_path / 'log.csv').write_text(to_csv(table_of([moving()]), 12))
+    (found, info), = read_recording_with_info(tmp_path / 'log.csv')
     assert_alike(found, moving(), SIGNALS)
     assert info.joint == 'elbow'
     assert not any('guessed' in note for note in info.notes)

@@ -30,7 +30,6 @@ from friction_comp.files import (
     parse_json,
     read_text,
     unpacked,
-    write_atomically,
 )
 from friction_comp.tables.columns import other_unit, parse_unit, read_name
 
@@ -399,18 +398,3 @@ def to_csv(columns: Mapping[str, np.ndarray], digits: int) -> str:
     np.savetxt(stream, np.column_stack(list(columns.values())), delimiter=',', comments='',
                header=','.join(columns), fmt=['%.9f', *[f'%.{digits}g'] * (len(columns) - 1)])
     return stream.getvalue()
-
-
-def write_columns(path: Path, columns: Columns) -> None:
-    """Write columns as CSV, Parquet or npz; raises InputError if it cannot."""
-    stream, name = io.BytesIO(), path.name.lower()
-    if name.endswith('.npz'):
-        np.savez_compressed(stream, **columns)  # type: ignore[arg-type] # its allow_pickle
-    elif name.endswith('.parquet'):
-        arrow = library_for(path, 'pyarrow.parquet', 'parquet', 'Parquet files')
-        arrow.parquet.write_table(arrow.table(columns), stream)
-    elif name.endswith('.csv'):
-        stream.write(to_csv(columns, 12).encode())
-    else:
-        raise InputError(f'{path}: a table is .csv, .parquet or .npz')
-    write_atomically(path, stream.getvalue())

@@ -44,29 +44,31 @@ def evaluate(argv: list[str] | None = None) -> int:
 def convert(argv: list[str] | None = None) -> int:
     """Converts a recording into a table, and a table into a recording.
 
-    An output named .csv, .parquet or .npz is a table with one row per time, in SI units; any other
-    name is the folder of a rosbag2 recording.
+    An output named .csv is a table with one row per time, in SI units; any other name is the folder
+    of a rosbag2 recording.
     """
     parser = Arguments(convert, (
         'examples/elbow/with_direction.mcap.zstd --output output/with_direction.csv',
         'output/with_direction.csv --output output/with_direction')).add_recordings(several=False)
     parser.add_argument('--output', metavar='FILE|DIR', type=Path, required=True,
-                        help='.csv, .parquet or .npz file, or a new folder')
+                        help='.csv file, or a new folder')
     arguments = parser.parse(argv)
     from friction_comp.recordings.reader import read_joints
     from friction_comp.recordings.writer import write_samples
-    from friction_comp.tables.table_files import is_table, write_columns
+    from friction_comp.tables.table_files import is_table, to_csv
     from friction_comp.tables.table_recording import table_of
 
     output = arguments.output
     if os.path.lexists(output):
         raise InputError(f'{output}: already exists; recordings are not overwritten')
     check_file(output)
+    if is_table(output) and output.suffix.lower() != '.csv':
+        raise InputError(f'{output}: a table is written as .csv')
     with progress('reading') as report:
         joints, info = read_joints(arguments.recording, arguments.joint, layout_of(arguments))
         report(0.5, 'writing')
         if is_table(output):
-            write_columns(output, table_of(joints))
+            write_atomically(output, to_csv(table_of(joints), 12))
         else:
             # Zero would mean that a message has no stamp.
             write_samples(output, joints, start_ns=max(round(1e9 * info.start), NANO))
