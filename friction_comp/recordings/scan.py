@@ -9,6 +9,7 @@ of a robot that lost its power leaves behind.
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, suppress
@@ -119,8 +120,8 @@ _OTHERS = {'control_msgs/msg/InterfaceValue': 'string[] interface_names\nfloat64
            'InterfaceValue[] interface_values'}
 # Most joints, or values of a joint, in one message: a corrupt one could fill the memory.
 _MOST_NAMES = 200
-# Messages that are turned into arrays at once, and most numbers of one topic that are kept.
-_BATCH, _MOST = 1_000, 50_000_000
+# Most numbers of one topic that are kept.
+_MOST = 50_000_000
 
 
 @cache
@@ -139,25 +140,25 @@ def _message(payload: bytes, kind: str) -> Any:
     return _types().deserialize_cdr(payload, kind)
 
 
-def _numbers(message: Any, signal: str) -> Iterable[tuple[str, int, float]]:
+def _numbers(message: Any, signal: str) -> list[tuple[str, int, float]]:
     """Return joint or frame, column and value of each number of a message."""
     if signal in ('current_command', 'direction'):
         unit = TORQUE_UNIT * ([one.label for one in message.layout.dim[1:2]] == [TORQUE_UNIT])
-        return ((f'{unit}{k}', 0, value) for k, value in enumerate(message.data.tolist()))
+        return [(f'{unit}{k}', 0, value) for k, value in enumerate(message.data.tolist())]
     if signal == 'interaction_wrench':
         return [(message.header.frame_id, 0, message.wrench.torque.z)]
     if signal == 'motor_temperature':
         return [(message.header.frame_id, 0, message.temperature)]
     if signal == _DYNAMIC:
-        return ((joint, _INTERFACES[name], value)
+        return [(joint, _INTERFACES[name], value)
                 for joint, own in zip(message.joint_names, message.interface_values)
                 for name, value in zip(own.interface_names, own.values.tolist())
-                if name in _INTERFACES)
+                if name in _INTERFACES]
     # A single joint may have no name.
     names = message.name or ['']
-    return ((joint, column, value)
+    return [(joint, column, value)
             for column, own in enumerate((message.position, message.velocity, message.effort))
-            for joint, value in zip(names, own.tolist()))
+            for joint, value in zip(names, own.tolist())]
 
 
 @dataclass
@@ -179,55 +180,47 @@ class _Reader:
 
     def __init__(self, topic: str, signal: str) -> None:
         self.topic, self.signal = topic, signal
-        self.count = self.broken = self.numbers = 0     # messages, and numbers in them
-        self.width = 5 if signal == _DYNAMIC else len(STATES)
-        # Messages that wait to be decoded, and those that were: receipt, stamp and values.
-        self._waiting: list[tuple[int, bytes]] = []
-        self._parts: list[tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]] = []
+        self.count = self.broken = 0    # messages
+        self._width = 5 if signal == _DYNAMIC else len(STATES)
+        self._receive, self._stamp = array('q'), array('q')
+        self._values: dict[str, array[float]] = {}  # up to the last message that has the name
 
-    def add(self, receive: int, raw: bytes) -> bool:
-        """Add a message received at a time in ns; return whether that completes a batch."""
-        self._waiting.append((receive, raw))
+    @property
+    def numbers(self) -> int:
+        """How many numbers the arrays have."""
+        return self._width * len(self._receive) * len(self._values)
+
+    def add(self, receive: int, raw: bytes) -> None:
+        """Add a message received at a time in ns."""
         self.count += 1
-        if len(self._waiting) < _BATCH:
-            return False
-        self.decode()
-        return True
+        rows = dict[str, list[float]]()
+        # A broken message may raise anything.
+        try:
+            message = _message(raw, _TYPES[self.signal])
+            for name, column, value in _numbers(message, self.signal):
+                rows.setdefault(name, [math.nan] * self._width)[column] = value
+            stamp = nanoseconds(message.header.stamp) if hasattr(message, 'header') else 0
+            if len(rows) > _MOST_NAMES:
+                raise ValueError
+        except Exception:
+            self.broken += 1
+            return
+        for name, row in rows.items():
+            self._rows(name).extend(row)
+        self._receive.append(receive)
+        self._stamp.append(stamp)
 
-    def decode(self) -> None:
-        """Turn the messages that wait into arrays, and release them."""
-        count, values = len(self._waiting), dict[str, np.ndarray]()
-        receive = np.array([time for time, _ in self._waiting], dtype=np.int64)
-        stamp, good = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
-        for k, (_, raw) in enumerate(self._waiting):
-            # A broken message may raise anything.
-            with suppress(Exception):
-                message = _message(raw, _TYPES[self.signal])
-                numbers = list(_numbers(message, self.signal))
-                if len(numbers) > _MOST_NAMES * self.width:
-                    continue
-                for name, column, value in numbers:
-                    if name not in values:
-                        values[name] = np.full((count, self.width), np.nan)
-                    values[name][k, column] = value
-                if header := getattr(message, 'header', None):
-                    stamp[k] = nanoseconds(header.stamp)
-                good[k] = True
-        self.numbers += self.width * count * len(values)
-        self.broken += int(np.count_nonzero(~good))
-        self._parts.append((receive[good], stamp[good], {
-            name: rows[good] for name, rows in values.items()}))
-        self._waiting = []
+    def _rows(self, name: str) -> array[float]:
+        """Return the rows of a name, NaN for the messages without it."""
+        rows = self._values.setdefault(name, array('d'))
+        rows.extend([math.nan] * (self._width * len(self._receive) - len(rows)))
+        return rows
 
     def track(self) -> Track | None:
         """Return all messages; None if there are none."""
-        self.decode()
-        receive, stamp = (np.concatenate([part[k] for part in self._parts]) for k in (0, 1))
-        names = dict.fromkeys(name for _, _, values in self._parts for name in values)
-        return Track(self.topic, self.signal, receive, stamp, {
-            name: np.concatenate([
-                values.get(name, np.full((len(times), self.width), np.nan))
-                for times, _, values in self._parts]) for name in names}) if len(receive) else None
+        return Track(self.topic, self.signal, np.array(self._receive), np.array(self._stamp), {
+            name: np.array(self._rows(name)).reshape(-1, self._width)
+            for name in self._values}) if self._receive else None
 
 
 def tracks_of(messages: Iterable[tuple[str, int, bytes]]) -> dict[str, Track]:
@@ -309,7 +302,8 @@ class Scan:
                 reader = readers.get(topic)
                 if reader is None:
                     reader = readers[topic] = _Reader(topic, self._signal(topic))
-                if reader.add(receive, raw) and reader.numbers > _MOST:
+                reader.add(receive, raw)
+                if reader.numbers > _MOST:
                     self.notes.append('the recording is very long: only its beginning was read, '
                                       f'{reader.count} messages of {topic}')
                     break
