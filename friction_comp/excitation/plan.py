@@ -190,15 +190,14 @@ def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> 
     The samples have velocity and acceleration, the coverage is of `coverage_within`. Zero if there
     is hardly any motion. Raises InputError if an effect cannot be seen with this coverage.
     """
-    nothing = np.zeros(len(samples), dtype=bool)
     try:
-        usable = in_motion(samples, nothing, coverage.slowest, None)
+        usable = in_motion(samples, coverage.slowest)
     except InputError:
         return dict.fromkeys(pairs, 0.0)
     index = np.flatnonzero(usable)
     table = Table(Rows(
-        samples=samples, target=samples.current, usable=usable, clipped=nothing,
-        coverage=coverage, index=index, block=np.zeros(len(index), dtype=int)),
+        samples=samples, target=samples.current, usable=usable, coverage=coverage, index=index,
+        block=np.zeros(len(index), dtype=int)),
         2.0 / coverage.transition)
     names = dict.fromkeys(name for pair in pairs for name in pair)
     keys = {name: table.add(terms_of(name, coverage)) for name in names}

@@ -22,7 +22,7 @@ from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums, rank_correlation, repeats
 from friction_comp.refinement.effect_columns import first_model, Table
-from friction_comp.refinement.prepare import Rows
+from friction_comp.refinement.prepare import clipped, Rows
 from friction_comp.refinement.result import (
     AGAIN,
     Dependence,
@@ -198,7 +198,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
         yield Finding('ambiguous', f'{question.variables}: {question.why}.', IN_PART,
                       question.experiment)
     yield from _findings_on_joints(rows, raw)
-    yield from _findings_on_signals(rows, raw)
+    yield from _findings_on_signals(raw)
     yield from _findings_on_motion(rows, expected)
     yield from _not_known(rows)
 
@@ -282,19 +282,20 @@ def _findings_on_joints(rows: Rows, raw: Samples) -> Iterator[Finding]:
                 'that is on the same shaft')
 
 
-def _findings_on_signals(rows: Rows, raw: Samples) -> Iterator[Finding]:
+def _findings_on_signals(raw: Samples) -> Iterator[Finding]:
     fault = '' if raw.velocity is None else velocity_agreement(
         raw.time, raw.position, raw.velocity, raw.position_step).fault
     if fault:
         yield Finding('signals', f'{fault[0].upper()}{fault[1:]}.', IN_PART,
                       'let one clock stamp position, velocity and current, and check the units of '
                       'velocity')
-    if rows.clipped.any():
-        limits = raw.current[rows.clipped]
+    limited = clipped(raw.current)
+    if limited.any():
+        limits = raw.current[limited]
         ends = dict.fromkeys(f'{end:.4g} A' for end in (limits.min(), limits.max()))
         yield Finding(
             'signals', f'The current ends at a limit, {" and ".join(ends)}, in '
-            f'{100 * rows.clipped.mean():.1f} % of the samples, which are left out.', IN_PART,
+            f'{100 * limited.mean():.1f} % of the samples, which are left out.', IN_PART,
             'raise the limit of current or sensor, or use less acceleration and speed')
 
 

@@ -116,8 +116,8 @@ def widened(mask: np.ndarray, reach: int) -> np.ndarray:
     return count[np.minimum(index + reach + 1, len(mask))] > count[np.maximum(index - reach, 0)]
 
 
-def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
-              bandwidth: float | None) -> np.ndarray:
+def in_motion(samples: Samples, slowest: float, bandwidth: float | None = None,
+              unusable: np.ndarray | bool = False) -> np.ndarray:
     """Return which samples show friction; raises `InputError` if too few are in motion.
 
     Unless too few would remain, those near standstill and gaps are left out, where the filter mixes
@@ -125,7 +125,7 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     """
     speed = np.abs(np.asarray(samples.velocity))
     still = speed <= slowest
-    moving = ~still & ~unusable
+    moving = ~(still | unusable)
     ends = np.zeros(len(samples), dtype=bool)
     for part in samples.segments():
         ends[[part.start, part.stop - 1]] = True
@@ -156,8 +156,7 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
 def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
     """Return which samples refinement would fit, bool, (N,); InputError if they are too few."""
     moved = model.differentiated(samples)
-    return in_motion(moved, np.zeros(len(moved), dtype=bool), standstill_speed(moved),
-                     model.settings.get('bandwidth'))
+    return in_motion(moved, standstill_speed(moved), model.settings.get('bandwidth'))
 
 
 def regimes_in(samples: Samples, index: np.ndarray, others: Sequence[np.ndarray] = ()
@@ -225,7 +224,7 @@ class Problem:
         """Return the indices of (some of) the samples in motion, where smooth velocity is right."""
         moved = self.smoothed
         usable = in_motion(
-            moved, self.unusable, standstill_speed(moved), self.smooth['bandwidth'])
+            moved, standstill_speed(moved), self.smooth['bandwidth'], self.unusable)
         speed = np.abs(np.asarray(moved.velocity))
         fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
         # A smooth velocity is wrong where friction changes its sign.
@@ -233,15 +232,11 @@ class Problem:
         return np.flatnonzero(usable)[::max(1, int(usable.sum()) // _SMOOTH_ROWS)]
 
     @functools.cached_property
-    def clipped(self) -> np.ndarray:
-        """Which samples are at a limit of the current, beyond which it would be, bool, (N,)."""
-        return clipped(self.raw.current)
-
-    @functools.cached_property
     def unusable(self) -> np.ndarray:
         """Which samples are at or beside a limit of the current, bool, (N,)."""
         # Beside a limit, samples are below it if their noise is: a fit to these would be bent.
-        return widened(self.clipped, round(thresholds.NEAR_LIMIT / self.raw.sample_time))
+        return widened(clipped(self.raw.current),
+                       round(thresholds.NEAR_LIMIT / self.raw.sample_time))
 
     @functools.cached_property
     def joints(self) -> tuple[str, ...]:
@@ -388,7 +383,6 @@ class Rows:
     samples: Samples  # with velocity and acceleration
     target: np.ndarray  # (N,): current that the model has to explain, A
     usable: np.ndarray  # (N,): which samples are fitted
-    clipped: np.ndarray  # (N,): which are at a limit of the current; none of them is usable
     coverage: Coverage
     index: np.ndarray  # (R,): sample of each row
     block: np.ndarray  # (R,): regime of motion, which is left out of a fit as a whole
@@ -485,7 +479,7 @@ def prepare(problem: Problem, settings: dict[str, Any]) -> Rows:
     """Return the rows that effects are fitted to, with motion by differentiation settings."""
     samples, joints, moved = problem.raw, problem.joints, problem.moved(settings)
     slowest = standstill_speed(moved)
-    usable = in_motion(moved, problem.unusable, slowest, settings['bandwidth'])
+    usable = in_motion(moved, slowest, settings['bandwidth'], problem.unusable)
     motion = moving_states(
         samples, joints, settings_for_arm(samples, settings)) if joints else None
     # Of many, pieces from everywhere.
@@ -507,7 +501,7 @@ def prepare(problem: Problem, settings: dict[str, Any]) -> Rows:
         raise InputError('the current is zero throughout the motion: there is no friction to fit'
                          + why)
     rows = Rows(
-        samples=moved, target=target, usable=usable, clipped=problem.clipped,
+        samples=moved, target=target, usable=usable,
         coverage=replace(coverage_of(moved, usable, slowest, samples), linear=problem.linear),
         index=index[order], block=block[order], load_coefficient=load,
         motion=motion, joints=joints, torque_per_current=problem.drive.torque_per_current)
