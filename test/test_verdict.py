@@ -20,6 +20,7 @@ from friction_comp.model.motor_check import cautions
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
 from friction_comp.refinement.judge import findings_on_numbers
+from friction_comp.refinement.prepare import coverage_of
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import compared
@@ -297,6 +298,22 @@ def test_a_lasting_change_is_not_called_warm_up():
     assert 'time' in {*(one.variable for one in report.unexplained),
                       *(one for entry in report.ambiguous for one in entry.between)}
     assert report.verdict != 'trust'
+
+
+def test_the_error_said_is_that_of_a_day_without_the_same_drift():
+    samples = stroked(8, lambda t, q, v, a: 0.15 * np.exp(-t / 15.0) * np.tanh(v / 0.02))
+    found = refine([samples], drive=DRIVE)
+    error = (samples.current - found.model.predict(samples))[found.usable]
+    assert 'warm_up' in names(found.report)
+    assert found.report.after.elsewhere_motion_rmse >= rms(error) > 3 * NOISE
+
+
+def test_noise_at_rest_is_no_motion_in_both_directions():
+    velocity = np.append(np.full(500, 0.5), 1e-3 * np.random.default_rng(1).normal(size=1500))
+    time = 0.01 * np.arange(2000)
+    samples = Samples(time=time, position=0.01 * np.cumsum(velocity), current=0.0 * time,
+                      velocity=velocity)
+    assert not coverage_of(samples, np.ones(2000, bool), 0.0, samples).both_directions
 
 
 def test_friction_of_the_size_of_acceleration_is_traced_to_it():

@@ -172,13 +172,12 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
             "hand, the hand's torque as the load")
     yield from _helped_person(raw, any(
         not term.group and term.kind.name == 'inertia' for term in fit.terms))
-    left, grade = (expected, AGAIN) if expected > thresholds.USELESS_ERROR * constant else (
-        held_out, IN_PART)
-    if left > thresholds.UNEXPLAINED * constant:
+    if expected > thresholds.UNEXPLAINED * constant:
         yield Finding(
-            'explains_little', f'{left:.2g} A may remain unexplained in motion that was not '
+            'explains_little', f'{expected:.2g} A may remain unexplained in motion that was not '
             f'fitted, of {constant:.2g} A beside a constant: the current depends on something that '
-            'is not in the recording.', grade,
+            'is not in the recording.',
+            AGAIN if expected > thresholds.USELESS_ERROR * constant else IN_PART,
             'record what loads the joint (torque sensor, other joints), or move it without load')
     if between > thresholds.GROWTH * held_out:
         yield Finding(
@@ -192,8 +191,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
             'fitted.', IN_PART, 'more places, speeds and loads')
     for entry in dependences:
         if entry.strength > thresholds.UNEXPLAINED:
-            yield Finding('unexplained', f'The remaining error depends on {entry.variable}: '
-                          f'{entry.note}.', IN_PART)
+            yield Finding('unexplained', f'{entry.note[0].upper()}{entry.note[1:]}.', IN_PART)
     for question in questions:
         yield Finding('ambiguous', f'{question.variables}: {question.why}.', IN_PART,
                       question.experiment)
@@ -278,8 +276,8 @@ def _findings_on_joints(rows: Rows, raw: Samples) -> Iterator[Finding]:
                 'other_joints', f'The position of {raw.joint} follows from those of the other '
                 'joints: the recording cannot show on which of them the current depends, and other '
                 'motion may be predicted much worse.', AGAIN,
-                'move the joints independently of each other, or leave out the columns of one '
-                'that is on the same shaft')
+                'move the joints independently of each other; of two on one shaft, keep only this '
+                'one in the file')
 
 
 def _findings_on_signals(raw: Samples) -> Iterator[Finding]:

@@ -543,7 +543,8 @@ def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Sampl
         transition=0.05 * float(speed), speed=float(speed), slowest=slowest, lowest=float(lowest),
         highest=float(highest), duration=duration, temperature=temperature,
         resolution=raw.position_step,
-        both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98,
+        # By distance: at rest, noise goes both ways.
+        both_directions=0.02 < float(np.maximum(velocity, 0.0).sum() / moves.sum()) < 0.98,
         passed_again=1.0 - 1.0 / max(path / min(span, 2.0 * math.pi), 1.0), slow=float(slow),
         reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
         rest_duration=float(np.sum(resting)) * samples.sample_time,

@@ -214,8 +214,10 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
     name = ' + '.join(['the given model' if given else 'sigmoid of Eq. 6',
                        *(effect.name for effect in effects)])
     sizes = fit.rmse(fit.terms)
+    # Elsewhere, what holds in one recording alone is missing, such as drift over time.
+    elsewhere = rms((model.measured(raw) - model.predict(raw))[rows.usable])
     errors = judge.errors_of(rows, refined, name, max(
-        between, 0.0 if kept else float(sizes.max())))
+        between, elsewhere, 0.0 if kept else float(sizes.max())))
     notes = _notes(problem, refined)
     verdict = verdict_of([
         *judge.findings_on_numbers(friction, errors.held_out_rmse, float(np.abs(
