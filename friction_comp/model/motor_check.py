@@ -44,8 +44,8 @@ def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[st
                          'Identify the joint, or refine a recording of it, and give the new file')
     if model.unit not in ('A', TORQUE):
         raise InputError(
-            f"notes.unit: its figures are in '{model.unit}', not in A or N·m: they are no current. "
-            "Convert the recording's effort and refine it again")
+            f"notes.unit: its figures are in '{model.unit}', which is neither a current nor a "
+            "torque. Convert the recording's effort and refine it again")
     for fault in _faults(model):
         raise InputError(fault)
 

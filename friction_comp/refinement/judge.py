@@ -191,7 +191,8 @@ def findings(fit: Fit, raw: Samples, after: Errors, dependences: Sequence[Depend
             'fitted.', IN_PART, 'more places, speeds and loads')
     for entry in dependences:
         if entry.strength > thresholds.UNEXPLAINED:
-            yield Finding('unexplained', f'{entry.note[0].upper()}{entry.note[1:]}.', IN_PART)
+            yield Finding('unexplained', f'The remaining error depends on {entry.variable}: '
+                          f'{entry.note}.', IN_PART)
     for question in questions:
         yield Finding('ambiguous', f'{question.variables}: {question.why}.', IN_PART,
                       question.experiment)
@@ -464,8 +465,8 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
             break
         gain = float(values @ values - left.sum())
         found.append(Dependence(
-            name, gain / power, f'about {math.sqrt(gain / len(values)):.2g} A RMS of the remaining '
-            f'error depend on {name}, in a way that no effect of the package describes'))
+            name, gain / power, f'{math.sqrt(gain / len(values)):.2g} A RMS of it, in a way that '
+            'no effect of the package describes'))
         cell = cells.pop(name)
         values = values - (np.bincount(cell, values) / np.maximum(np.bincount(cell), 1))[cell]
     return sorted(found, key=lambda item: -item.strength)

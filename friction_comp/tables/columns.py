@@ -457,7 +457,13 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
         joints[own] = layout.joint
     used = [replace(c, joint=joints.get(c.key, '')) for c in used]
     # Forces move a linear axis.
-    if any(c.dimension == 'force' and c.stated for c in used if c.signal == 'effort'):
+    if force := next((c for c in used if c.signal == 'effort' and c.dimension == 'force'
+                      and c.stated), None):
+        if angle := next((c for c in used if c.signal == 'position' and c.dimension == 'angle'
+                          and c.stated), None):
+            raise InputError(
+                f'{where}: {angle.name!r} is an angle and {force.name!r} a force: give a torque, '
+                'with a lever of 0.1 m --unit effort=0.1Nm, or a length, --unit position=m')
         used = [replace(c, dimension='length', unit='m') if c.signal == 'position'
                 and not c.stated else c for c in used]
     return Assignment(used, layout, unclear + _notes(used, layout),
