@@ -265,6 +265,13 @@ def test_a_push_that_nobody_announced_is_helped_from_its_first_displacement(pres
     assert helped > (0.5 if known else 0.2) * LEVEL
 
 
+@pytest.mark.parametrize('counts, helped', [(4.0, 0.9), (20.0, 0.0)])
+def test_where_presliding_is_few_counts_a_rested_joint_is_helped_from_the_first(counts, helped):
+    model = replace(small_model(), presliding=Presliding(counts * COUNT, std=0.5 * COUNT))
+    share = drive_along(CompensationLaw([model]), COUNT * (np.arange(450) >= 400), 0) / LEVEL
+    assert share[420] == pytest.approx(helped, abs=0.01)
+
+
 def test_presliding_that_the_encoder_does_not_resolve_is_not_known():
     for counts, known in ((1.9, False), (2.1, True)):
         assert knows_presliding(replace(

@@ -223,9 +223,8 @@ def observe(p: Parameters, s: State, time: float, position: float, velocity: flo
             ) -> bool:
     """Process a sample and return whether a current can be computed.
 
-    A reported velocity, if it is `known`, counts for the printed laws only: the continuous law has
-    its speed from positions, by which friction is known, and no wrong one can mislead it. A
-    position that the joint cannot have reached is dropped; the law starts again where they last.
+    A reported velocity, if it is `known`, counts for the printed laws only. A position that the
+    joint cannot have reached is dropped; the law starts again where they last.
     """
     known = known and p.law < CONTINUOUS
     if not (math.isfinite(time) and math.isfinite(position)

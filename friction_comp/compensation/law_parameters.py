@@ -27,8 +27,8 @@ LEAST_SHARE, LARGEST_SHARE = 0.80, 0.96
 # R is presliding plus its standard deviation, at most this multiple of presliding; this multiple
 # where that is unknown. A joint that moves farther than this multiple and its backlash slips.
 LONGER = 1.5
-# Share of R, beyond an encoder count, that is no motion: of a joint that rests, or that nobody
-# pushes; and the play of the operator, so that no vibration of a held joint moves z.
+# Share of R, beyond half to one encoder count, that is no motion: of a joint that rests, or that
+# nobody pushes; and the play of the operator, so that no vibration of a held joint moves z.
 STILL = 0.05
 # rad; if the model has no presliding distance. Measured geared joints had 0.1 to 1 mrad.
 DEFAULT_PRESLIDING = 1e-3
@@ -181,6 +181,7 @@ def _set_distances(p: np.ndarray, model: FrictionModel) -> None:
         friction, reversal = (not effect.not_fed_back and effect.dahl_friction()) or (0.0, 0.0)
         if friction > left:
             distance = max(distance, LONGER * reversal)
-    distance += 2.0 * count
-    p['resolution'], p['distance'], p['play'] = count, distance, STILL * distance + count
+    # A presliding of few counts is over by the first, which then is motion: beyond half of it.
+    p['play'] = STILL * (distance + 2.0 * count) + min(count, max(0.5 * count, 0.1 * distance))
+    p['resolution'], p['distance'] = count, distance + 2.0 * count
     p['slip'] = slip + 4.0 * count + (known.backlash or 0.0 if known else 0.0)
