@@ -133,7 +133,8 @@ def test_a_target_has_the_unit_of_what_it_is_the_target_of():
      "'joint_pos'? Name it with --columns position=motor_pos"),
     (['t', 'Position [ticks]', 'tau'], Layout({'position': 'Position [ticks]'}),
      'with --unit position=counts/4096'),
-    (['t', 'q [deg]', 'force [N]'], None, '--unit effort=0.1Nm, or a length, --unit position=m'),
+    (['t', 'q [deg]', 'force [N]'], None, '--unit effort=0.1Nm'),
+    (['t', 'q [mm]', 'torque [Nm]'], None, '--unit effort=628N'),
     (['t [counts]', 'q', 'tau'], None, "'counts' does not tell what a time of 1 is")])
 def test_what_is_not_clear_is_asked_with_the_remedy(names, layout, said):
     with pytest.raises(InputError) as error:

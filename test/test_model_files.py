@@ -204,7 +204,7 @@ def test_the_drives_of_the_note_pass(number):
     (replaced('0.0008]', '0.08]'), r'drive.current_limit'),
     (replaced('0.0008]', '-0.0008]'), r'falls with speed'),
     (replaced('[0.1101, 1.2456, 0.1359', '[-0.1101, 1.2456, -0.1359'), r'sign of friction'),
-    (TEXT + 'notes: {unit: LSB}\n', r"in 'LSB', not in A or N·m"),
+    (TEXT + 'notes: {unit: LSB}\n', r"in 'LSB', which is neither a current nor a torque"),
     (replaced('current_limit: 3.0', 'curent_limit: 3.0'), r'curent_limit'),
     (replaced('gear_ratio: 100.0', 'gear_ratio: 100.0\n  gear_ratio: 50.0'), r'occurs twice'),
     (replaced('version: 1', 'version: 1\njoint: wrist'), r"'wrist'"),

@@ -143,8 +143,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
         LARGEST_SHARE, max(LEAST_SHARE, 1.0 - 2.0 * unknown))
     set_breakaway(p[0], model.breakaway)
     _set_distances(p, model)
-    p['identified'] = max(model.largest_speed(DEFAULT_FASTEST),
-                          *(model.recorded.speeds if model.recorded else ()), 0.0)
+    p['identified'] = model.largest_speed(DEFAULT_FASTEST)
     p['lowest'], p['highest'] = model.position_limits or (-math.inf, math.inf)
     return p
 

@@ -212,8 +212,10 @@ class FrictionModel:
         return samples.current + np.nan_to_num(load) / self.drive.torque_per_current
 
     def largest_speed(self, default: float) -> float:
-        """Return the largest speed in rad/s of the look-up table; a default where it has none."""
-        return max(map(abs, (self.lookup_table or {}).get('speeds', ())), default=0.0) or default
+        """Return the largest speed, rad/s, identified or recorded; a default if none is known."""
+        known = [*(self.lookup_table or {}).get('speeds', ()),
+                 *(self.recorded.speeds if self.recorded else ())]
+        return max(map(abs, known), default=0.0) or default
 
     def with_arm(self, samples: Samples) -> Samples:
         """Return recorded samples with the torques of the rest of the arm on the joint."""

@@ -53,6 +53,12 @@ _SYMBOLS = {symbol: (factor, dimension) for dimension, table in _TABLE.items()
             for symbols, factor in table.items() for symbol in symbols.split()}
 _FACTOR = re.compile(r'([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)?\s*\*?\s*(.*)')
 _COUNTS = re.compile(r'counts?/(\d+(?:\.\d+)?)(/s)?')
+# Efforts and positions whose product is no work, and the remedy.
+_APART = (
+    ('force', 'angle', 'give a torque, with a lever of 0.1 m --unit effort=0.1Nm, or '
+     '--unit position=m'),
+    ('torque', 'length', 'give a force, with a screw of 10 mm a turn --unit effort=628N, or '
+     '--unit position=rad'))
 _ANGLE, _RATE, _TORQUE = ('angle', 'length'), ('angle/time', 'length/time'), ('torque', 'force')
 DIMENSIONS = {
     'time': ('time',), 'position': _ANGLE, 'velocity': _RATE,
@@ -456,14 +462,14 @@ def assign(names: Sequence[str], layout: Layout | None, where: object, plan: boo
     elif named and layout.joint and layout.joint not in joints.values():
         joints[own] = layout.joint
     used = [replace(c, joint=joints.get(c.key, '')) for c in used]
-    # Forces move a linear axis.
-    if force := next((c for c in used if c.signal == 'effort' and c.dimension == 'force'
-                      and c.stated), None):
-        if angle := next((c for c in used if c.signal == 'position' and c.dimension == 'angle'
-                          and c.stated), None):
+    stated = {(c.signal, c.dimension): c.name for c in used if c.stated}
+    for effort, place, remedy in _APART:
+        if {('effort', effort), ('position', place)} <= stated.keys():
             raise InputError(
-                f'{where}: {angle.name!r} is an angle and {force.name!r} a force: give a torque, '
-                'with a lever of 0.1 m --unit effort=0.1Nm, or a length, --unit position=m')
+                f'{where}: {stated["effort", effort]!r} is a {effort}, and the position '
+                f'{stated["position", place]!r} a{"n" * (place == "angle")} {place}: {remedy}')
+    # Forces move a linear axis.
+    if ('effort', 'force') in stated:
         used = [replace(c, dimension='length', unit='m') if c.signal == 'position'
                 and not c.stated else c for c in used]
     return Assignment(used, layout, unclear + _notes(used, layout),
