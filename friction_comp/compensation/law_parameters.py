@@ -143,7 +143,9 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
         LARGEST_SHARE, max(LEAST_SHARE, 1.0 - 2.0 * unknown))
     set_breakaway(p[0], model.breakaway)
     _set_distances(p, model)
-    p['identified'] = model.largest_speed(DEFAULT_FASTEST)
+    # A log seldom holds the fastest movement.
+    p['identified'] = max(model.largest_speed(DEFAULT_FASTEST),
+                          0.0 if model.lookup_table else DEFAULT_FASTEST)
     p['lowest'], p['highest'] = model.position_limits or (-math.inf, math.inf)
     return p
 
