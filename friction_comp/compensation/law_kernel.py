@@ -36,9 +36,6 @@ from friction_comp.model.sigmoid import kinetic_current
 compiled_kinetic_current = njit(cache=True)(kinetic_current)
 FREE, LEADING, HELD = range(3)
 """The joint moves; z goes to the announced direction at a joint that rests; it rests."""
-RESTED, TURNED, SLOWED = range(3)
-"""A way that began at rest without help; any other; one on which help was given back, for who
-slowed down: it is not given again."""
 LONGEST_STEP = 0.1
 """s; after a longer pause, or a clock that was set, the operator is reset."""
 FILTER_TIME = 0.002
@@ -139,12 +136,12 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         s.yields = p.slip * max(1.0, abs(aim - s.z))
     else:
         s.mode = HELD
-    s.begin, s.way = s.position, RESTED if abs(s.z) < 0.02 else TURNED
+    s.begin, s.is_fresh = s.position, int(abs(s.z) < 0.02)
     # While help decays at rest, a gear springs back.
-    s.heading = 0.0 if s.way == RESTED or aim != 0.0 else math.copysign(1.0, s.z)
+    s.heading = 0.0 if s.is_fresh or aim != 0.0 else math.copysign(1.0, s.z)
     s.top = 0.0
     # No gear moves against its preload.
-    if s.way == RESTED or (s.position - s.farthest) * s.z > 0.0:
+    if s.is_fresh or (s.position - s.farthest) * s.z > 0.0:
         s.farthest = s.position
 
 
@@ -160,7 +157,7 @@ def _note_way(p: Parameters, s: State) -> None:
     if beyond * s.heading > 0.0:
         s.farthest = s.position
     elif abs(beyond) > width:
-        s.way = s.way if s.heading == 0.0 else TURNED
+        s.is_fresh *= int(s.heading == 0.0)
         s.heading, s.farthest, s.top = math.copysign(1.0, beyond), s.position, 0.0
         if s.mode != LEADING:
             _begin_way(s)
@@ -196,15 +193,14 @@ def _wish(p: Parameters, s: State, aim: float, free: float) -> tuple[float, floa
         return aim, 1.0 / LEAD_TIME
     weight = (max(0.0, s.speed * s.heading) + SLOW) / (TURN_SHARE * s.top + 1e-9)
     if weight < 1.0:
-        s.way = SLOWED
+        s.is_fresh = 0
         wish = weight * s.heading + (1.0 - weight) * aim
         if aim * s.heading <= 0.0 and (wish - free) * s.heading <= 0.0:
             return wish, 1e6
-    elif aim * s.heading < 0.0 and s.z * s.heading < 0.0 and s.way != SLOWED:
+    elif aim * s.heading < 0.0 and s.z * s.heading < 0.0:
         # Somebody pushes against the preload: no gear yields that way.
         return 0.0, 1.0 / LEAD_TIME
-    elif aim == 0.0 and s.heading != 0.0 and (s.way == RESTED or (
-            s.way == TURNED and (s.position - s.begin) * s.heading > p.distance)):
+    elif aim == 0.0 and s.heading != 0.0 and s.is_fresh:
         return s.heading, 1e6
     return free, 0.0
 
@@ -215,7 +211,7 @@ def settle(s: State, position: float) -> None:
     s.position = s.driven = s.still_position = s.rest_position = s.farthest = s.begin = position
     s.half_speed = s.speed = s.z = s.element = s.still_time = s.since = s.doubt = 0.0
     s.heading = s.top = s.saved = s.aim = 0.0
-    s.mode, s.way = FREE, RESTED
+    s.mode, s.is_fresh = FREE, 1
 
 
 @njit(cache=True)

@@ -90,7 +90,7 @@ class State:
     heading: float          # of this way, -1, 0 or 1; its farthest point, rad; top speed, rad/s
     farthest: float
     top: float
-    way: int                # of which kind, one of those above
+    is_fresh: int           # whether it began without help, and nobody slowed down on it
     outward: float          # direction of the movement announced last, 0 once it is over
     end: float              # of that movement, rad
     beyond: int             # whether the joint has been beyond that
