@@ -270,6 +270,8 @@ def test_where_presliding_is_few_counts_a_rested_joint_is_helped_from_the_first(
     model = replace(small_model(), presliding=Presliding(counts * COUNT, std=0.5 * COUNT))
     share = drive_along(CompensationLaw([model]), COUNT * (np.arange(450) >= 400), 0) / LEVEL
     assert share[420] == pytest.approx(helped, abs=0.01)
+    flickers = COUNT * (np.arange(3000) // 400 % 2)
+    assert not drive_along(CompensationLaw([model]), flickers, 0)[1200:].any()
 
 
 def test_presliding_that_the_encoder_does_not_resolve_is_not_known():

@@ -76,7 +76,7 @@ def operate(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     if on_its_way or s.aim == 0.0 or aim == s.aim or s.lasted > 2.0 * REST_TIME:
         s.aim, s.lasted = aim, 0.0
     _note_rest(p, s, s.aim, is_pushed)
-    _note_way(p, s)
+    _note_way(p, s, moved)
     if s.mode == LEADING:
         _watch_slip(p, s, s.aim, is_pushed)
     elif s.mode == FREE and abs(s.position - s.rest_position) > MOVED and s.trusted < 2.0:
@@ -125,7 +125,7 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
         s.trusted = s.trust
         # Within the slip distance a joint that creeps has not left its position of rest.
         if abs(s.position - s.rest_position) > p.slip:
-            s.rest_position = s.position
+            s.rest_position = s.driven = s.position
             # Help goes on from what it was in motion, a smaller part of breakaway friction.
             at_rest = s.trust * p.share * (p.break_positive if s.z > 0.0 else p.break_negative)
             s.z = math.copysign(min(abs(s.z), abs(s.friction) / (at_rest + 1e-9)), s.z)
@@ -146,14 +146,14 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
 
 
 @njit(cache=True)
-def _note_way(p: Parameters, s: State) -> None:
+def _note_way(p: Parameters, s: State, moved: float) -> None:
     """Note how far this way has gone, and where another one begins: R behind its farthest point.
 
-    A joint that rested is on its way when it moves at all.
+    A joint that rested is on its way when it moves at all; one count to and fro moves no play.
     """
     beyond, width = s.position - s.farthest, p.distance
     if s.heading == 0.0 and s.mode != LEADING:
-        width = p.play
+        width = p.play if moved != 0.0 else math.inf
     if beyond * s.heading > 0.0:
         s.farthest = s.position
     elif abs(beyond) > width:
