@@ -24,7 +24,7 @@ import numpy as np
 
 # The value at which each threshold that changes a model has no effect.
 OFF = {'FEWEST_SAMPLES': 0.0, 'REST': 0.0, 'PRESLIDING_SPEED': 0.0, 'ROWS': 1e9, 'REGIMES': 4.0,
-       'NEAR_LIMIT': 0.0, 'EQUIVALENT': 0.0, 'ENCODER_STEPS': 1e9, 'LAG_SHARE': 1.0,
+       'EQUIVALENT': 0.0, 'ENCODER_STEPS': 1e9, 'LAG_SHARE': 1.0,
        'LONGEST_LAG': 0.01, 'LEAST_SHARE': 0.0, 'STANDARD_ERRORS': 0.0, 'SHORTLIST': 1.0}
 # Effects that the sketch has, and those whose coefficient it bounds.
 SKETCH = ('inertia', 'direction_asymmetry', 'viscous_shape', 'stribeck', 'gravity', 'spring',

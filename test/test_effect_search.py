@@ -40,6 +40,16 @@ def test_a_search_names_what_is_there_and_no_more():
         assert Search(table_of(swings(seed))).forward([]) == []
 
 
+def test_parts_that_cancel_each_other_are_no_choice():
+    samples = swings(2)
+    table = table_of(samples.with_(position=0.4 * samples.position), 3.0 * samples.position ** 3)
+    weight, spring = table.add([Term(EFFECTS['gravity']), Term(EFFECTS['spring'], {
+        'position': 0.0})])
+    assert [table.cancels(terms) for terms in ([weight], [spring], [weight, spring])] == [
+        False, False, True]
+    assert len(Search(table).backward([weight, spring])) < 2
+
+
 def test_the_transition_goes_where_friction_changes_its_sign():
     samples = swings(3)
     found = table_of(samples.with_(current=0.2 * samples.velocity + 0.5 * np.tanh(

@@ -111,6 +111,16 @@ def moving_as_one(known):
         ('lift', 'bend'), both), rigid_body=weight if known else None)
 
 
+def test_of_other_joints_a_model_holds_what_it_saw():
+    motion, other = swings(9), swings(10)
+    samples = plain(motion, current=motion.current + np.sin(motion.position + other.position),
+                    joint='lift', arm=JointStates(('lift', 'bend'), np.column_stack((
+                        motion.position, other.position))))
+    effect, = (one for one in refine([samples], drive=DRIVE).model.effects
+               if one.name == 'other_joints')
+    assert np.abs(effect.current(motion.with_(coupling=50.0 * other.position))).max() < 1.2
+
+
 def measured_as(scale):
     """Return a recording whose velocity is the slope of position over a scale."""
     samples = stroked(2, duration=40.0)

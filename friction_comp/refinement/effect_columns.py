@@ -29,6 +29,8 @@ EQ6_COLUMNS, EQ6_LINEAR, _EQ6_SIGNS = 5, 3, (0, 1, 1, 0, 0)
 _FLATTEST, _STEEPEST = 2.0, 6000.0
 # Steepness times shift at which Eq. 6 has 15 % of Coulomb friction at zero velocity.
 MAX_SHIFT = 0.3
+# Times the standard deviation of the current: a part of a fit with more is cancelled by others.
+_CANCELLED = 2.0
 # Share of the squared error: a transition that brings less is good enough.
 _LEAST_GAIN = 1e-4
 
@@ -173,6 +175,20 @@ class Table:
         It is the criterion of choice, see `BlockSums.errors_by_size`.
         """
         return self.sums.errors_by_size(self.indices(terms, derivatives=False))
+
+    def cancels(self, terms: Sequence[Term]) -> bool:
+        """Return whether a part of a fit makes much more than the current.
+
+        Others cancel it then, none of which is that of the drive: in other motion they do not.
+        """
+        gram = self.sums.gram.sum(axis=0)
+        # About the mean, which the offset of Eq. 6 takes; without it, the first column is zero.
+        mean = gram[0] / max(gram[0, 0], 1e-300)
+        spread = gram - gram[0, 0] * np.outer(mean, mean)
+        fitted = self.coefficients(terms)
+        parts = [[1], [2], *(self.columns_of[term] for term in terms)]
+        return any(own @ spread[np.ix_(part, part)] @ own > _CANCELLED ** 2 * spread[-1, -1]
+                   for part in parts for own in [np.array([fitted[k] for k in part])])
 
     def fit_transition(self, terms: Sequence[Term], rounds: int = 4) -> None:
         """Move the transition of Eq. 6 to its optimum beside some terms, by Gauss-Newton steps."""

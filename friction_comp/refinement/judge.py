@@ -360,20 +360,12 @@ def _not_known(rows: Rows) -> Iterator[Finding]:
         yield Finding('not_known', f'This motion cannot show: {", ".join(unseen)}.')
 
 
-def findings_on_numbers(friction: FrictionNumbers, error: float = math.inf,
-                        largest: float = math.inf) -> Iterator[Finding]:
+def findings_on_numbers(friction: FrictionNumbers, error: float = math.inf) -> Iterator[Finding]:
     """Yield numbers that no drive has, and that are not known.
 
     Of these, the interval holds zero, and more than the held-out `error` of the current by which it
-    was chosen. `largest` is the largest current of the recordings, with a measured load that
-    moved the joint.
+    was chosen.
     """
-    # An effect of temperature, say, may leave some to others: what cancels twice that is none.
-    if friction.coulomb > 2.0 * largest:
-        yield Finding(
-            'impossible', f'Coulomb friction would be {friction.coulomb:.3g} A, where the largest '
-            f'current is {largest:.3g} A: other terms cancel it, and none of them is that of the '
-            'drive.', AGAIN, 'more speeds in both directions, with a joint that slides')
     for name in ('coulomb', 'viscous'):
         value, ends = getattr(friction, name), friction.intervals.get(name)
         said = f'{name.capitalize() if name == "coulomb" else name} friction'

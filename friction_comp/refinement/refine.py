@@ -140,7 +140,7 @@ def model_of(fit: Fit, problem: Problem, bounds: Intervals) -> FrictionModel:
     sigmoid = Sigmoid(offset + coulomb, offset - coulomb, *table.transition, viscous)
     moving = rows.samples.take(rows.usable)
     effects: list[Effect] = []
-    groups, gains = [], []
+    groups, gains, coupling = [], [], np.zeros(len(rows.samples))
     for term in fit.terms:
         values = tuple(coefficients[column] for column in table.columns_of[term])
         if term.group is None:
@@ -149,9 +149,11 @@ def model_of(fit: Fit, problem: Problem, bounds: Intervals) -> FrictionModel:
         else:
             groups.append(term.group)
             gains.append(values)
+            coupling += term.columns(rows) @ np.array(values)
     arm = None
     if groups:
-        effects.append(EFFECTS['other_joints']({'coefficients': [1.0]}))
+        effects.append(with_range(EFFECTS['other_joints']({'coefficients': [1.0]}),
+                                  moving.with_(coupling=coupling[rows.usable])))
         # The model applies the lag to these torques, as to all others.
         arm = Arm(Coupling(tuple(groups), tuple(gains)),
                   settings_for_arm(rows.samples, {**settings, 'lag': 0.0}))
@@ -220,8 +222,7 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
         between, elsewhere, 0.0 if kept else float(sizes.max())))
     notes = _notes(problem, refined)
     verdict = verdict_of([
-        *judge.findings_on_numbers(friction, errors.held_out_rmse, float(np.abs(
-            rows.target).max())),
+        *judge.findings_on_numbers(friction, errors.held_out_rmse),
         *judge.findings(
             fit, raw, errors, dependences, questions, between, float(sizes.max())), *notes], unit)
     return RefinementReport(

@@ -36,6 +36,8 @@ from friction_comp.refinement.prepare import prepare, Problem, Rows
 
 _STEP = 1e-3
 _RIDGE = 1e-6
+# Times the squared error, of fits that no choice of terms may prefer.
+_WRONG = 100.0
 # Of the squared error: a step that brings less is the last.
 _LEAST_GAIN = 1e-3
 
@@ -105,10 +107,14 @@ class Search:
         self._errors: dict[tuple[tuple[float, float], frozenset[Term]], np.ndarray] = {}
 
     def errors(self, terms: Sequence[Term]) -> np.ndarray:
-        """Return the squared error of each regime by the fit to all others."""
+        """Return the squared error of each regime by the fit to all others.
+
+        Where parts of the fit cancel each other, it counts as much larger.
+        """
         key = self.table.transition, frozenset(terms)
         if key not in self._errors:
-            self._errors[key] = self.table.errors(terms)
+            self._errors[key] = self.table.errors(terms) * (
+                _WRONG if self.table.cancels(terms) else 1.0)
         return self._errors[key]
 
     def update_candidates(self, terms: Sequence[Term], without: Collection[str] = ()) -> None:
@@ -164,21 +170,18 @@ class Search:
                 return terms
 
     def holds_over_time(self, term: Term, rest: Sequence[Term]) -> bool:
-        """Return whether an effect of time lowers the error in parts of time, too, beside others.
+        """Return whether a term lowers the error in parts of time, too, beside others.
 
-        What depends on time differs in time, not in motion; and another recording is predicted
-        without it.
+        What depends on time differs in time, not in motion; and another term that does not hold
+        from part to part stands for something that was not recorded.
         """
-        if term.kind.variable != 'time':
-            return True
         table, index = self.table, self.table.rows.index
         part = np.argsort(np.argsort(index)) * int(thresholds.REGIMES) // len(index)
-        columns, own = table.indices([*rest, term]), len(table.columns_of[term])
+        columns, count = table.indices([*rest, term], False), len(table.indices(rest, False))
         sums = BlockSums.over(np.vstack((table.columns[columns], table.target)), part,
                               table.sums.signs[columns])
-        before, after = (sums.held_out_errors(range(count))
-                         for count in (len(columns) - own, len(columns)))
-        return is_better(before, after)
+        return is_better(sums.held_out_errors(range(count)),
+                         sums.held_out_errors(range(len(columns))), scatters=0.0)
 
     def backward(self, terms: Sequence[Term]) -> list[Term]:
         """Remove terms that are not needed, the least useful first."""

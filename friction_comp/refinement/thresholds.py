@@ -29,8 +29,6 @@ ROWS = Threshold(
     16000, 'rows', 'most samples searched: pieces from everywhere')
 REGIMES = Threshold(
     16, 'regimes', 'of motion, each of which is left out of a fit: enough for statistics')
-NEAR_LIMIT = Threshold(
-    0.05, 's', 'beside samples at a limit of the current, only those with low noise are below it')
 PASSED_AGAIN = Threshold(
     0.4, 'of the motion', 'must be at places that were passed before: only there can predictions '
     'of what was not fitted be wrong about position')
