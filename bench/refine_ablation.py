@@ -49,13 +49,13 @@ def better_in_parts(before, after, least=None, scatters=None):
 def filter_by_time(problem):
     """Choose source and bandwidth as the sketch does: a plain drive, by parts of time."""
     from friction_comp.refinement.block_sums import held_out_error
-    from friction_comp.refinement.prepare import plain_columns
+    from friction_comp.refinement.prepare import clipped, plain_columns
 
     best, chosen, raw = np.inf, None, problem.raw
     for choice in problem.choices:
         moved = problem.moved(choice)
         speed = np.abs(moved.velocity)
-        rows = np.flatnonzero((speed > 0.03 * np.percentile(speed, 98)) & ~problem.unusable)
+        rows = np.flatnonzero((speed > 0.03 * np.percentile(speed, 98)) & ~clipped(raw.current))
         error = held_out_error(plain_columns(moved.take(rows)), problem.target[rows],
                                parts_of_time(raw, rows)) / len(rows)
         if error < 0.995 * best:
@@ -84,9 +84,11 @@ EXCHANGES = {
         'search.first_model': lambda table: [], 'search.proposals': columns_of_sketch},
     'bounds': {'effect_columns.signs_of': bounds_of_sketch},
     'criterion: parts of time, absolute gains': {
-        'prepare.regimes_in': parts_of_time, 'search.is_better': better_in_parts},
-    'naming: time as any other': {'search.Search.holds_over_time': lambda *_: True}}
+        'prepare.regimes_in': parts_of_time, 'search.is_better': better_in_parts}}
 RULES = {
+    'parts that cancel are none': {'effect_columns._CANCELLED': np.inf},
+    'every term holds over time': {'search.Search.holds_over_time': lambda *_: True},
+    'other joints as they were seen': {'refine.with_range': lambda effect, _: effect},
     'a lag': {'search._with_best_lag': lambda fit: fit.settings},
     'transition by all samples': {'search._fit_transition_to_all_samples': lambda *_: None},
     'constants adjusted': {'search.adjust_constants': lambda table, terms, rounds: list(terms)},
