@@ -219,7 +219,7 @@ class OtherJoints(Effect):
     needs = ('coupling',)
     signs = (1,)
     weight = True
-    range_margins = {'coupling': 0.0}
+    range_margins = {'coupling': 0.25}
     summary = ('Other joints: weight and inertia that act on this joint through them, as a sum of '
                'terms found in the recording, times {A:.4g}')
     equation = '{A:+.5g}·i_other_joints'
