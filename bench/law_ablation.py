@@ -47,7 +47,7 @@ RULES = {
     'a joint within the slip distance still rests': (
         '        if abs(s.position - s.rest_position) > p.slip:', '        if True:'),
     'pushed against the preload': (
-        'elif aim * s.heading < 0.0 and s.z * s.heading < 0.0 and', 'elif False and'),
+        'elif aim * s.heading < 0.0 and s.z * s.heading < 0.0:', 'elif False:'),
     'help given back is not given again': ('s.is_fresh = 0', 'pass'),
     'another announcement must last': ('or s.lasted > 2.0 * REST_TIME', 'or True'),
     'trust: early slip': ('EARLY, LATER = 0.7, 0.94', 'EARLY, LATER = 1.0, 0.94'),

@@ -5,7 +5,6 @@
 import json
 from pathlib import Path
 import re
-from types import SimpleNamespace
 
 from helpers import ROOT
 import numpy as np
@@ -27,7 +26,6 @@ from friction_comp.reports.refinement_page import (
     friction_rows,
     next_steps,
     refinement_page,
-    remarks,
 )
 from friction_comp.terminal import number, quantity
 
@@ -137,11 +135,3 @@ def test_a_command_is_only_given_if_it_works(gear_ratio):
     model = FrictionModel(Drive(1.0, gear_ratio), Sigmoid(1.0, -1.0, 9.0), notes={'unit': 'A'})
     steps = dict(next_steps(model, 'trust', [], [], Path('output')))
     assert ('export' in steps['simulate']) == (model.gain is not None)
-
-
-def test_a_reason_of_the_verdict_is_no_remark_too():
-    entry = SimpleNamespace(variable='time', note='about 1 A RMS', strength=0.5)
-    report = SimpleNamespace(reasons=[], findings=[], warnings=[], unexplained=[entry])
-    assert remarks(report)
-    report.reasons = ['The remaining error depends on time: about 1 A RMS.']
-    assert not remarks(report)

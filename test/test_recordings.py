@@ -186,24 +186,6 @@ def test_arrays_follow_the_joints_that_are_reported_or_else_of_the_reference(
     assert any('fits no list of joints' in note for note in info.notes) == (len(values) == 1)
 
 
-def test_numbers_are_those_that_were_written_whatever_the_layout(tmp_path):
-    """Names, their order and number, frames, and which values there are change."""
-    rng, messages = np.random.default_rng(0), []
-    for k in range(300):
-        names = rng.permutation(['a', 'bb', 'ccc', 'é'])[:rng.integers(1, 5)]
-        kind, message = joint_state(10 ** 9 + k, names, *(
-            rng.normal(size=len(names) * rng.integers(0, 2)) for _ in range(3)))
-        message.header.frame_id = 'x' * rng.integers(0, 4)
-        messages.append(('/joint_states', 10 ** 9 + k, (kind, message)))
-    track, = Scan(record(tmp_path / 'r', messages)).tracks
-    for k, (_, stamp, (_, message)) in enumerate(messages):
-        assert track.stamp[k] == track.receive[k] == stamp
-        for column, own in enumerate((message.position, message.velocity, message.effort)):
-            assert dict(zip(message.name, own)) == {
-                name: values[k, column] for name, values in track.values.items()
-                if np.isfinite(values[k, column])}
-
-
 def stamped(stamp):
     """Return states of a stamp in ms each."""
     return [*states(1000, stamp=lambda k: 1_000_000 * stamp(k))]
@@ -574,5 +556,3 @@ def test_joints_of_several_topics_are_converted_at_the_same_times(tmp_path):
     # The motion of all joints belongs to each of them.
     samples, = read_recording(tmp_path / 'r', 'right')
     np.testing.assert_allclose(samples.arm.position[:, 0], samples.position, atol=1e-9)
-
-

@@ -63,7 +63,6 @@ def test_sensors_quantise_and_limit():
 
 
 def test_same_seed_same_numbers():
-    """Noise and scatter follow the seed and nothing else."""
     def run(seed):
         plant = Plant([note_model(k) for k in (1, 2, 3)], seed=seed)
         return [plant.step([0.2, 0.2, 0.5], np.full(3, 0.1), np.zeros(3)) for _ in range(300)]

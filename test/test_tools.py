@@ -143,13 +143,6 @@ def tool():
     """Does things."""
 
 
-def test_options_that_list_may_be_given_several_times():
-    parser = Arguments(tool).add_recordings()
-    given = ['log.csv', '--unit', 'position=deg', '--unit', 'time=ms', '--columns', 'time=t']
-    parsed = parser.parse(given)
-    assert (parsed.unit, parsed.columns) == ('position=deg,time=ms', 'time=t')
-
-
 def test_output_appears_only_when_all_is_done(tmp_path):
     def write(text, ending):
         with output_folder(tmp_path / 'a' / 'b') as folder:

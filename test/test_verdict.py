@@ -118,7 +118,7 @@ def test_of_other_joints_a_model_holds_what_it_saw():
                         motion.position, other.position))))
     effect, = (one for one in refine([samples], drive=DRIVE).model.effects
                if one.name == 'other_joints')
-    assert np.abs(effect.current(motion.with_(coupling=50.0 * other.position))).max() < 1.2
+    assert np.abs(effect.current(motion.with_(coupling=50.0 * other.position))).max() < 1.6
 
 
 def measured_as(scale):
