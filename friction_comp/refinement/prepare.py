@@ -537,7 +537,7 @@ def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Sampl
         highest=float(highest), duration=duration, temperature=temperature,
         resolution=raw.position_step,
         # By distance: at rest, noise goes both ways.
-        both_directions=0.005 < float(np.maximum(velocity, 0.0).sum() / moves.sum()) < 0.995,
+        both_directions=0.02 < float(np.maximum(velocity, 0.0).sum() / moves.sum()) < 0.98,
         passed_again=1.0 - 1.0 / max(path / min(span, 2.0 * math.pi), 1.0), slow=float(slow),
         reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
         rest_duration=float(np.sum(resting)) * samples.sample_time,
