@@ -149,11 +149,12 @@ def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
 def _note_way(p: Parameters, s: State, moved: float) -> None:
     """Note how far this way has gone, and where another one begins: R behind its farthest point.
 
-    A joint that rested is on its way when it moves at all; one count to and fro moves no play.
+    A joint that rested is on its way when it moves at all. If nobody announced anything, one count
+    to and fro, which moves no play, is none.
     """
     beyond, width = s.position - s.farthest, p.distance
     if s.heading == 0.0 and s.mode != LEADING:
-        width = p.play if moved != 0.0 else math.inf
+        width = p.play if moved != 0.0 or s.aim != 0.0 else math.inf
     if beyond * s.heading > 0.0:
         s.farthest = s.position
     elif abs(beyond) > width:
