@@ -224,12 +224,17 @@ class Problem:
         """Return the indices of (some of) the samples in motion, where smooth velocity is right."""
         moved = self.smoothed
         usable = in_motion(
-            moved, standstill_speed(moved), self.smooth['bandwidth'], clipped(self.raw.current))
+            moved, standstill_speed(moved), self.smooth['bandwidth'], self.clipped)
         speed = np.abs(np.asarray(moved.velocity))
         fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
         # A smooth velocity is wrong where friction changes its sign.
         usable = fast if fast.sum() > 0.5 * usable.sum() else usable
         return np.flatnonzero(usable)[::max(1, int(usable.sum()) // _SMOOTH_ROWS)]
+
+    @functools.cached_property
+    def clipped(self) -> np.ndarray:
+        """Which samples are at a limit of the current, bool, (N,)."""
+        return clipped(self.raw.current)
 
     @functools.cached_property
     def joints(self) -> tuple[str, ...]:
@@ -472,7 +477,7 @@ def prepare(problem: Problem, settings: dict[str, Any]) -> Rows:
     """Return the rows that effects are fitted to, with motion by differentiation settings."""
     samples, joints, moved = problem.raw, problem.joints, problem.moved(settings)
     slowest = standstill_speed(moved)
-    usable = in_motion(moved, slowest, settings['bandwidth'], clipped(samples.current))
+    usable = in_motion(moved, slowest, settings['bandwidth'], problem.clipped)
     motion = moving_states(
         samples, joints, settings_for_arm(samples, settings)) if joints else None
     # Of many, pieces from everywhere.

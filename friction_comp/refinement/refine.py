@@ -23,7 +23,7 @@ from friction_comp.refinement import judge
 from friction_comp.refinement.effect_columns import EQ6_LINEAR, Term
 from friction_comp.refinement.intervals import Intervals, intervals, recorded_of
 from friction_comp.refinement.judge import in_unit, remaining_dependences, verdict_of
-from friction_comp.refinement.prepare import clipped, join, Problem, settings_for_arm
+from friction_comp.refinement.prepare import join, Problem, settings_for_arm
 from friction_comp.refinement.result import (
     Finding,
     FoundEffect,
@@ -217,7 +217,8 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
                        *(effect.name for effect in effects)])
     sizes = fit.rmse(fit.terms)
     # Elsewhere, what holds in one recording alone is missing, such as drift over time.
-    elsewhere = rms((model.measured(raw) - model.predict(raw))[rows.usable])
+    elsewhere = 0.0 if all(effect.holds_on_another_day for effect in model.effects) else rms(
+        (model.measured(raw) - model.predict(raw))[rows.usable])
     errors = judge.errors_of(rows, refined, name, max(
         between, elsewhere, 0.0 if kept else float(sizes.max())))
     notes = _notes(problem, refined)
@@ -227,7 +228,7 @@ def report_of(problem: Problem, fit: Fit, bounds: Intervals, start: Predicted, r
             fit, raw, errors, dependences, questions, between, float(sizes.max())), *notes], unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
-        samples_clipped=int(clipped(raw.current).sum()),
+        samples_clipped=int(problem.clipped.sum()),
         held_out=f'{rows.blocks} regimes of motion (by position, velocity, acceleration and load, '
         'or by posture), each predicted by a fit to all others',
         signal_rms=rms(raw.current[rows.usable]), before=judge.errors_of(rows, start, base),
