@@ -52,9 +52,6 @@ RULES = {
     'another announcement must last': ('or s.lasted > 2.0 * REST_TIME', 'or True'),
     'trust: early slip': ('EARLY, LATER = 0.7, 0.94', 'EARLY, LATER = 1.0, 0.94'),
     'trust: later slip': ('EARLY, LATER = 0.7, 0.94', 'EARLY, LATER = 0.7, 1.0'),
-    'trust: slip from rest to rest': (
-        'if p.slip < (s.position - s.rest_position) * aim < MOVED and not is_pushed:',
-        'if False:'),
     'trust is kept from rest to rest': ('min(1.0, max(s.trust, s.trusted) + 1.0 - LATER)', '1.0'),
     'trust beyond the identified speeds': (
         'HURRIED = math.radians(60.0), 0.7', 'HURRIED = math.radians(60.0), 1.0'),

@@ -29,6 +29,7 @@ from friction_comp.compensation.law_parameters import (
     NONE,
     Parameters,
     State,
+    STILL,
 )
 from friction_comp.compensation.safety import BAD_TIME, is_plausible, limited, safe, within_movement
 from friction_comp.model.sigmoid import kinetic_current
@@ -112,16 +113,16 @@ def _debt(distance: float, z: float, element: float) -> float:
 def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     """Note whether the joint rests, and begin what a rest begins."""
     s.still_time, s.since = s.still_time + s.step, s.since + s.step
-    if abs(s.position - s.still_position) > p.play:
+    still = p.play if aim == 0.0 else STILL * p.slip + p.resolution
+    if abs(s.position - s.still_position) > still:
         s.still_position, s.still_time = s.position, 0.0
     if s.still_time >= REST_TIME or s.mode == LEADING:
         s.saved += p.distance * s.step / REST_TIME
     if s.still_time < REST_TIME:
-        s.mode = FREE if s.mode == HELD else s.mode
+        if s.mode == HELD:
+            s.mode, s.since = FREE, 0.0
         return
     if s.mode == FREE:
-        if p.slip < (s.position - s.rest_position) * aim < MOVED and not is_pushed:
-            s.trust *= LATER
         s.trusted = s.trust
         # Within the slip distance a joint that creeps has not left its position of rest.
         if abs(s.position - s.rest_position) > p.slip:

@@ -30,8 +30,9 @@ LONGER = 1.5
 # Share of R, beyond half to one encoder count, that is no motion: of a joint that rests, or that
 # nobody pushes; and the play of the operator, so that no vibration of a held joint moves z.
 STILL = 0.05
-# rad; if the model has no presliding distance. Measured geared joints had 0.1 to 1 mrad.
-DEFAULT_PRESLIDING = 1e-3
+# rad; if the model has no presliding distance: a long one for R, a short one for what is motion.
+# Measured geared joints had 0.1 to 1 mrad.
+DEFAULT_PRESLIDING, SHORT_PRESLIDING = 1e-3, 3e-4
 DEFAULT_RESOLUTION = 1e-5
 # rad/s: the note's range.
 DEFAULT_FASTEST = math.radians(100.0)
@@ -182,7 +183,9 @@ def _set_distances(p: np.ndarray, model: FrictionModel) -> None:
         friction, reversal = (not effect.not_fed_back and effect.dahl_friction()) or (0.0, 0.0)
         if friction > left:
             distance = max(distance, LONGER * reversal)
-    # A presliding of few counts is over by the first, which then is motion: beyond half of it.
-    p['play'] = STILL * (distance + 2.0 * count) + min(count, max(0.5 * count, 0.1 * distance))
+    # A presliding of few counts is over by the first, which then is motion: beyond half of it. One
+    # that nobody knows may be short.
+    short = distance if knows_presliding(model) else min(distance, SHORT_PRESLIDING)
+    p['play'] = STILL * (short + 2.0 * count) + min(count, max(0.5 * count, 0.1 * short))
     p['resolution'], p['distance'] = count, distance + 2.0 * count
-    p['slip'] = slip + 4.0 * count + (known.backlash or 0.0 if known else 0.0)
+    p['slip'] = slip + count + (known.backlash or 0.0 if known else 0.0)
