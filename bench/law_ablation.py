@@ -58,7 +58,7 @@ RULES = {
     'breakaway friction at rest': ('    if s.mode != FREE:\n        return mean\n', ''),
     'breakaway friction near rest': ('STARTS = 3.0', 'STARTS = 1e-6'),
     'a long way is helped less': ('LATE, LATE_TIME = 0.04', 'LATE, LATE_TIME = 0.0'),
-    'speed is filtered': ('FILTER_TIME = 0.002', 'FILTER_TIME = 1e-6'),
+    'speed is filtered': ('SPEED_TIME = 0.0025', 'SPEED_TIME = 1e-6'),
     'slope limit': ('TURN_TIME = 0.02', 'TURN_TIME = 1e-9'),
     'fade': ('FADE_FROM, FADE_TO = 1.15, 1.5', 'FADE_FROM, FADE_TO = 1e6, 1e7'),
 }

@@ -39,8 +39,8 @@ FREE, LEADING, HELD = range(3)
 """The joint moves; z goes to the announced direction at a joint that rests; it rests."""
 LONGEST_STEP = 0.1
 """s; after a longer pause, or a clock that was set, the operator is reset."""
-FILTER_TIME = 0.002
-"""s of each of the two filters that a speed goes through."""
+SPEED_TIME = 0.0025
+"""s over which a speed is measured, at least, and of the filter that it goes through."""
 LATE, LATE_TIME = 0.04, 0.5
 """Share withheld of a way that has lasted for so long, s: a joint that is let go comes to rest."""
 STARTS = 3.0
@@ -211,8 +211,8 @@ def _wish(p: Parameters, s: State, aim: float, free: float) -> tuple[float, floa
 def settle(s: State, position: float) -> None:
     """Reset to a joint at rest at this position, with the operator relaxed."""
     s.position = s.driven = s.still_position = s.rest_position = s.farthest = s.begin = position
-    s.half_speed = s.speed = s.z = s.element = s.still_time = s.since = s.doubt = 0.0
-    s.heading = s.top = s.saved = s.aim = 0.0
+    s.count_speed = s.counted = s.counting = s.speed = s.z = s.element = s.still_time = 0.0
+    s.since = s.doubt = s.heading = s.top = s.saved = s.aim = 0.0
     s.mode, s.is_fresh = FREE, 1
 
 
@@ -248,10 +248,13 @@ def observe(p: Parameters, s: State, time: float, position: float, velocity: flo
         if not is_plausible(p, s, travel, step):
             return True
         s.position = position
-        # Filtered twice, so that a single encoder count causes neither a step nor a kink.
-        weight = 1.0 - math.exp(-step / FILTER_TIME)
-        s.half_speed += (travel / step - s.half_speed) * weight
-        s.speed += (s.half_speed - s.speed) * weight
+        # Over whole encoder counts; between two of them a speed is at most what shows none.
+        s.counted, s.counting = s.counted + travel, s.counting + step
+        most = (abs(s.counted) + p.resolution) / s.counting
+        s.count_speed = min(most, max(-most, s.count_speed))
+        if s.counted != 0.0 and s.counting > SPEED_TIME:
+            s.count_speed, s.counted, s.counting = s.counted / s.counting, 0.0, 0.0
+        s.speed += (s.count_speed - s.speed) * (1.0 - math.exp(-step / SPEED_TIME))
         if p.law < CONTINUOUS:
             s.speed = travel / step
     if known:

@@ -69,8 +69,10 @@ class State:
     time: float             # of the last sample used, s
     step: float             # from the one before, s
     position: float         # rad
-    speed: float            # rad/s; and after the first of two filters
-    half_speed: float
+    speed: float            # rad/s; over whole counts; travel and s since the last of these
+    count_speed: float
+    counted: float
+    counting: float
     doubt: float            # for how long samples have been implausible, s
     dropped: float          # how many samples were
     z: float                # of the operator, -1..1
