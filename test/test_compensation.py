@@ -67,10 +67,7 @@ def test_continuous_law_never_jumps_while_the_joint_is_moved():
 
 @pytest.mark.parametrize('law', ['paper', 'continuous'])
 def test_faults_give_zero_current(law):
-    """What is not finite stops that joint only; odd directions count as none.
-
-    The continuous law does without a velocity.
-    """
+    """What is not finite stops that joint only; odd directions are none; positions may do."""
     model = note_model()
     for bad in (math.nan, math.inf):
         both = CompensationLaw([model, model], law=law)

@@ -16,16 +16,13 @@ import pytest
 from friction_comp import compensation, simulation
 from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.compensation.law_kernel import EARLY, FILL, LATE, LATER, REST_TIME
-from friction_comp.compensation.law_parameters import (
-    knows_presliding,
-    LARGEST_SHARE,
-    LEAST_SHARE,
-    SHARE,
-)
+from friction_comp.compensation.law_parameters import LARGEST_SHARE, LEAST_SHARE, SHARE
 from friction_comp.compensation.safety import END_BRAKE, END_MARGIN
+from friction_comp.drive import Drive
 from friction_comp.model.effects import Hysteresis
 from friction_comp.model.friction_model import Presliding
 from friction_comp.model.model_file import Recorded
+from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.simulation.joint import Plant
 from law_judge.alone import release, untouched
 from law_judge.bank import make_bank
@@ -265,19 +262,27 @@ def test_a_push_that_nobody_announced_is_helped_from_its_first_displacement(pres
     assert helped > (0.5 if known else 0.2) * LEVEL
 
 
-@pytest.mark.parametrize('counts, helped', [(4.0, 0.9), (20.0, 0.0)])
-def test_where_presliding_is_few_counts_a_rested_joint_is_helped_from_the_first(counts, helped):
-    model = replace(small_model(), presliding=Presliding(counts * COUNT, std=0.5 * COUNT))
-    share = drive_along(CompensationLaw([model]), COUNT * (np.arange(450) >= 400), 0) / LEVEL
-    assert share[420] == pytest.approx(helped, abs=0.01)
+@pytest.mark.parametrize('known, counts, helped', [
+    (Presliding(4.0 * COUNT, std=0.5 * COUNT), 1, 0.9),
+    (Presliding(20.0 * COUNT, std=0.5 * COUNT), 1, 0.0), (None, 3, 0.9)])
+def test_a_rested_joint_is_helped_from_its_first_counts(known, counts, helped):
+    """The first, where presliding is few counts; where nobody knows it, as if it were short."""
+    model = replace(small_model(), presliding=known)
+    share = drive_along(CompensationLaw([model]), counts * COUNT * (np.arange(450) >= 400), 0)
+    assert share[420] / LEVEL == pytest.approx(helped, abs=0.01)
+
+
+@pytest.mark.parametrize('rate', [0.03, 0.3, 1.3])
+def test_motion_that_an_encoder_of_12_bit_shows_is_neither_stops_nor_faster(rate):
+    model = replace(small_model(), drive=Drive(0.1, 100.0, 41), sigmoid=Sigmoid(
+        LEVEL, -LEVEL, 200.0, viscous=0.2 * LEVEL))
+    count = model.drive.position_resolution
+    current = drive_along(CompensationLaw([model]), np.floor(
+        rate * 1e-3 * np.arange(3000) / count) * count, 0)[1500:]
+    assert current.mean() == pytest.approx((SHARE - LATE) * LEVEL * (1.0 + 0.2 * rate), rel=0.02)
+    assert current.min() > 0.8 * LEVEL
     flickers = COUNT * (np.arange(3000) // 400 % 2)
     assert not drive_along(CompensationLaw([model]), flickers, 0)[1200:].any()
-
-
-def test_presliding_that_the_encoder_does_not_resolve_is_not_known():
-    for counts, known in ((1.9, False), (2.1, True)):
-        assert knows_presliding(replace(
-            small_model(), presliding=Presliding(counts * COUNT, std=0.5 * COUNT))) == known
 
 
 @pytest.fixture(scope='module')
@@ -288,16 +293,12 @@ def bank():
 
 def test_a_joint_let_go_never_gains_speed_and_rests(bank):
     for row in release(bank, 'continuous'):
-        # Dahl friction creeps under the noise of an encoder.
         is_slow = 'rest' in row.floor or 'still' in row.floor
-        assert row.value <= (0.15 * row.joints if is_slow else 0), row
+        assert row.value <= (0.1 * row.joints if is_slow else 0), row
 
 
 def test_an_untouched_joint_stays(bank):
-    """Where friction is over-estimated by a tenth, what helps comes closest to it.
-
-    Dahl's friction yields under a weight that nobody knows, which looks like a push.
-    """
+    """Also with a tenth too much; Dahl's friction yields to unknown weights, as to a push."""
     for row in untouched(bank, 'continuous'):
         assert row.value <= (0.2 if 'weight' in row.floor else 0.1) * row.joints, row
 

@@ -32,7 +32,7 @@ LONGER = 1.5
 STILL = 0.05
 # rad; if the model has no presliding distance: a long one for R, a short one for what is motion.
 # Measured geared joints had 0.1 to 1 mrad.
-DEFAULT_PRESLIDING, SHORT_PRESLIDING = 7e-4, 3e-4
+DEFAULT_PRESLIDING, SHORT_PRESLIDING = 1e-3, 5e-4
 DEFAULT_RESOLUTION = 1e-5
 # rad/s: the note's range.
 DEFAULT_FASTEST = math.radians(100.0)
