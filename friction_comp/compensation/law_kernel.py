@@ -76,7 +76,7 @@ def operate(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     on_its_way = s.mode == FREE and s.heading != 0.0
     if on_its_way or s.aim == 0.0 or aim == s.aim or s.lasted > 2.0 * REST_TIME:
         s.aim, s.lasted = aim, 0.0
-    _note_rest(p, s, s.aim, is_pushed)
+    _note_rest(p, s, s.aim)
     _note_way(p, s, moved)
     if s.mode == LEADING:
         _watch_slip(p, s, s.aim, is_pushed)
@@ -110,7 +110,7 @@ def _debt(distance: float, z: float, element: float) -> float:
 
 
 @njit(cache=True)
-def _note_rest(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
+def _note_rest(p: Parameters, s: State, aim: float) -> None:
     """Note whether the joint rests, and begin what a rest begins."""
     s.still_time, s.since = s.still_time + s.step, s.since + s.step
     still = p.play if aim == 0.0 else STILL * p.slip + p.resolution

@@ -25,10 +25,11 @@ LAWS = dict(zip(('none', 'kinetic', 'paper', 'continuous', 'desired'), range(5))
 SHARE = 0.9
 LEAST_SHARE, LARGEST_SHARE = 0.80, 0.96
 # R is presliding plus its standard deviation, at most this multiple of presliding; this multiple
-# where that is unknown. A joint that moves farther than this multiple and its backlash slips.
+# where that is unknown. A joint that moves a count farther than this and its backlash slips.
 LONGER = 1.5
 # Share of R, beyond half to one encoder count, that is no motion: of a joint that rests, or that
-# nobody pushes; and the play of the operator, so that no vibration of a held joint moves z.
+# nobody pushes; and the play of the operator, so that no vibration of a held joint moves z. Of the
+# slip distance while something is announced: who creeps under a preload still rests.
 STILL = 0.05
 # rad; if the model has no presliding distance: a long one for R, a short one for what is motion.
 # Measured geared joints had 0.1 to 1 mrad.
